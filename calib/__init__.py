@@ -1,0 +1,1 @@
+"""Camera models and calibration; usable without the robot."""

@@ -1,0 +1,1 @@
+"""How an intent moves a body."""

@@ -1,0 +1,140 @@
+"""What each kind of device is, whatever stands behind it. One contract suite tests every driver of a kind.
+
+Rules all drivers keep:
+* Opening may raise `DeviceError` (with the cure in its words). After that no method raises for a broken
+  device: it does nothing or returns the last value, and `faults()` says what is wrong until it is over.
+* No method waits. Reading returns the newest value there is; writing hands over and returns.
+* `close()` leaves the device safe (motors stopped, lamp off) and may be called twice.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+from robot.messages import Fault, HeadPose, Odometry, StereoFrame, TeleopInput, Twist
+
+
+class DeviceError(OSError):
+    """A device cannot be opened or its link broke. The message names the device and the cure."""
+
+
+@runtime_checkable
+class Device(Protocol):
+    """What every device can do."""
+
+    def faults(self, now: float) -> tuple[Fault, ...]:
+        """Everything that is wrong at `now`, empty if nothing is."""
+        ...
+
+    def close(self) -> None:
+        """Leave the device safe and release it. May be called twice."""
+        ...
+
+
+@runtime_checkable
+class StereoCamera(Device, Protocol):
+    """Two eyes that look at the same moment."""
+
+    def latest(self, now: float) -> StereoFrame | None:
+        """The newest pair, or None before the first. Check its `captured_at`: it may be old."""
+        ...
+
+
+@runtime_checkable
+class PanTilt(Device, Protocol):
+    """The head. Pan positive left, tilt positive down, radians."""
+
+    def send(self, pose: HeadPose, now: float) -> HeadPose:
+        """Go there; returns the pose really asked for after the limits."""
+        ...
+
+    def read(self, now: float) -> HeadPose:
+        """Where the head is now (measured or modelled)."""
+        ...
+
+
+@runtime_checkable
+class LampDevice(Device, Protocol):
+    """A light whose level can be set."""
+
+    def send(self, level: float, now: float) -> float:
+        """Set the level 0..1; returns the level really set."""
+        ...
+
+
+@runtime_checkable
+class DriveBase(Device, Protocol):
+    """Two driven wheels. A command is a pulse: without renewal the wheels stop by themselves."""
+
+    def send(self, twist: Twist, now: float) -> Twist:
+        """Drive like this until renewed or expired; returns the twist really asked for after the limits."""
+        ...
+
+    def stop(self, now: float) -> None:
+        """Stop at once, whatever else is going on."""
+        ...
+
+    def read(self, now: float) -> Odometry:
+        """Pose and speed by the wheels' encoders."""
+        ...
+
+    def battery_volts(self) -> float | None:
+        """Battery voltage, None if unknown."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class ArmState:
+    """Joints (radians), flange position (metres) and orientation (radians, Rz Ry Rx) in the arm's base frame."""
+
+    joints: tuple[float, ...]
+    position: tuple[float, float, float]
+    orientation: tuple[float, float, float]
+    moving: bool
+    in_position: bool
+    enabled: bool
+
+
+@runtime_checkable
+class Arm(Device, Protocol):
+    """A six-axis arm behind its own controller, which plans the motion."""
+
+    def enable(self, now: float) -> None:
+        """Switch the drives on."""
+        ...
+
+    def move_joints(self, joints: tuple[float, ...], speed: float, now: float) -> int:
+        """Move to joint angles (radians) at a share 0..1 of full speed; returns the command's number."""
+        ...
+
+    def move_linear(
+        self, position: tuple[float, float, float], orientation: tuple[float, float, float], speed: float, now: float
+    ) -> int:
+        """Move the flange in a straight line; returns the command's number."""
+        ...
+
+    def grip(self, closed: bool, now: float) -> None:
+        """Close or open the gripper."""
+        ...
+
+    def stop(self, now: float) -> None:
+        """Stop at once."""
+        ...
+
+    def read(self, now: float) -> ArmState:
+        """The newest state."""
+        ...
+
+
+@runtime_checkable
+class TeleopLink(Device, Protocol):
+    """A person at the stick."""
+
+    def latest(self, now: float) -> TeleopInput | None:
+        """The newest word, or None if nothing was ever heard. Check its `at`: it may be old."""
+        ...
+
+    def tell(self, line: str, now: float) -> None:
+        """Show one status line to the person."""
+        ...

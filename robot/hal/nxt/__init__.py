@@ -1,0 +1,1 @@
+"""LEGO NXT brick: protocol codec and drive base."""

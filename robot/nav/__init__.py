@@ -1,0 +1,1 @@
+"""Obstacle map, planner and next view. Pure: time is an argument."""

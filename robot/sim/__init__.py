@@ -1,0 +1,1 @@
+"""Simulated room, emulated devices and the referee. Importing the emulators needs no MuJoCo."""
