@@ -1,32 +1,17 @@
 """All settings: one frozen tree read from TOML. Units are in the names; unknown keys are refused.
 
-`load(path)` returns a `Config`, or raises `ConfigError` whose one line names the file, the key and the
+`load(path)` returns a `Config`, or raises `UserError` whose one line names the file, the key and the
 allowed range. `commented_defaults()` writes the whole tree with its ranges and words as TOML.
 """
 
 from __future__ import annotations
 
-import math
-import re
-import tomllib
 from pathlib import Path
-from typing import Annotated, Any, get_args, get_origin, get_type_hints
+from typing import Annotated, Any
 
-import msgspec
 from msgspec import Meta, Struct, field
 
-from robot.errors import UserError
-
-Metres = Annotated[float, Meta(ge=0.0, le=100.0)]
-Seconds = Annotated[float, Meta(ge=0.0, le=3600.0)]
-Share = Annotated[float, Meta(ge=0.0, le=1.0)]
-Hertz = Annotated[float, Meta(ge=0.1, le=100.0)]
-Degrees = Annotated[float, Meta(ge=-180.0, le=180.0)]
-
-
-class ConfigError(UserError):
-    """A setting is wrong; the message names file, key and the allowed range."""
-
+from robot import settings_file
 
 def _doc(words: str, **bounds: Any) -> Meta:
     return Meta(description=words, **bounds)
@@ -152,3 +137,13 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True):
     teleop: TeleopSettings = field(default_factory=TeleopSettings)
     safety: Safety = field(default_factory=Safety)
     vision: Vision = field(default_factory=Vision)
+
+
+def load(path: Path) -> Config:
+    """Read a config file. Raises `UserError` naming file, key and allowed range if anything is wrong."""
+    return settings_file.read(path, Config)
+
+
+def commented_defaults() -> str:
+    """The whole tree as TOML: every key with its default, its range and what it means."""
+    return settings_file.commented(Config())

@@ -268,13 +268,27 @@ class Health:
 
 @dataclass(frozen=True, slots=True)
 class Percepts:
-    """The newest result of every vision job; None where there is none yet."""
+    """The newest result of every vision job; None where there is none yet.
+
+    place is where the target was last seen, (x, y) in the odometry frame; it outlives a lost track.
+    """
 
     health: Timed[Health] | None = None
     detections: Timed[tuple[Detection, ...]] | None = None
     track: Timed[Track] | None = None
     target: Timed[Range] | None = None
+    place: Timed[tuple[float, float]] | None = None
     free_space: Timed[FreeSpace] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """All a state may know when it decides: the time, what was seen, where wheels and head are."""
+
+    now: float
+    percepts: Percepts
+    odometry: Odometry
+    head: HeadPose
 
 
 # ------------------------------------------------------------------------------- intents and commands
@@ -381,3 +395,31 @@ class Fault:
     def key(self) -> str:
         """'device.kind', the row of the fault table."""
         return f"{self.device}.{self.kind}"
+
+
+# -------------------------------------------------------------------------------------------- records
+
+
+@dataclass(frozen=True, slots=True)
+class Transition:
+    """A change of state: from where to where, on which event."""
+
+    source: str
+    target: str
+    event: Event
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tick:
+    """Everything one control tick saw and did; what the record, the page and the referee are told."""
+
+    now: float
+    state: str
+    view: View | None
+    percepts: Percepts
+    odometry: Odometry
+    head: HeadPose
+    intent: Intent
+    sent: Sent
+    faults: tuple[Fault, ...]
+    transitions: tuple[Transition, ...]

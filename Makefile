@@ -1,0 +1,46 @@
+# `make demo` and `make test` work from a fresh clone: they make .venv and install what they need.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+JOBS ?= 2
+
+# One thread each: the robot's computer is small, and results do not depend on the number of cores.
+export OPENBLAS_NUM_THREADS := 1
+export OMP_NUM_THREADS := 1
+export LP_NUM_THREADS := 1
+export MUJOCO_GL ?= egl
+
+.PHONY: demo test test-all lint bench scenes clean
+
+demo: $(READY)
+	$(BIN)/robot demo
+
+test: $(READY)
+	$(BIN)/python -m pytest -n $(JOBS) -m "not slow"
+
+test-all: $(READY)
+	$(BIN)/python -m pytest -n $(JOBS) --cov=robot --cov=calib --cov-report=term --cov-fail-under=90
+
+lint: $(READY)
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+
+bench: $(READY)
+	$(BIN)/python -m bench.range
+	$(BIN)/python -m bench.tick
+
+scenes: $(READY)
+	$(BIN)/robot run --sim all --seeds 5 --jobs $(JOBS)
+
+clean:
+	rm -rf $(VENV) runs
+
+$(READY): pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+		|| { echo "Python 3.11 or newer is needed: make PYTHON=/path/to/python3.11"; exit 2; }
+	@echo "Setting up $(VENV), once; this takes a minute or two ..."
+	@$(PYTHON) -m venv $(VENV)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[sim,plots,test,bench]'
+	@touch $(READY)

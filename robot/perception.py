@@ -1,0 +1,245 @@
+"""Vision as jobs: `submit` a view and what is wanted, `collect` the newest percepts. Never waits.
+
+Which stage runs when follows from its rate; the governor lowers rates when there is not time for all.
+The obstacle map is kept here because every look at the floor changes it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calib.model import HeadMount, StereoRig
+from robot.config import Config
+from robot.governor import StagePlan, governed_rates
+from robot.messages import Detection, Fault, FreeSpace, Health, Percepts, Points, Timed, View, Want
+from robot.nav.grid import ObstacleMap
+from robot.target import Recognizes, TargetFollower, TargetSight
+from robot.vision import freespace, ground, health
+from robot.vision.stereo import SemiGlobalMatcher
+from robot.workers import Job, Result, Worker
+
+STAGES = ("track", "free_space", "health", "ground", "recognize")
+ALWAYS = ("free_space", "health", "ground")
+BATCH_BUDGET = 0.039  # a batch takes no longer than one control tick, or the next frame's track comes late
+LOWEST_SHARE = {"track": 0.2, "recognize": 0.2, "ground": 0.25}  # what the governor leaves of each rate
+
+
+@dataclass(frozen=True, slots=True)
+class Budget:
+    """What the governor decided: the rates in force and whether they are below the wanted ones."""
+
+    rates_hz: Mapping[str, float]
+    lowered: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Obstacles:
+    """What the ground-plane stage found: points (N, 2) that stand up from the floor, robot frame."""
+
+    points: Points
+
+
+@dataclass(frozen=True, slots=True)
+class EyesVerdict:
+    """Whether left and right eye are exchanged."""
+
+    swapped: bool
+
+
+class Perception:
+    """Owns matcher, recogniser, tracker and map; turns views into percepts."""
+
+    def __init__(
+        self, config: Config, rig: StereoRig, mount: HeadMount, recognizer: Recognizes, worker: Worker,
+        obstacle_map: ObstacleMap,
+    ) -> None:
+        self._config = config
+        self._rig = rig
+        self._mount = mount
+        self._recognizer = recognizer
+        self._worker = worker
+        self.map = obstacle_map
+        self._matcher = SemiGlobalMatcher(disparities=config.vision.disparities)
+        self._follower = TargetFollower(rig, mount, recognizer)
+        self._percepts = Percepts()
+        self._seed: tuple[View, Detection] | None = None
+        self._last_start: dict[str, float] = {}
+        self._previous: View | None = None
+        self._swapped = False
+        self._wants: frozenset[Want] = frozenset()
+        self._late_since: float | None = None
+        stages = {name: getattr(config.vision, name) for name in STAGES}
+        self._costs = {name: stage.cost_s for name, stage in stages.items()}
+        self._wanted_hz = {name: stage.rate_hz for name, stage in stages.items()}
+        self._errors: dict[str, Fault] = {}
+        self.seconds: dict[str, list[float]] = {name: [] for name in STAGES}
+
+    # ------------------------------------------------------------------------------------ in and out
+
+    def submit(self, view: View, wants: frozenset[Want], now: float) -> None:
+        """Check the picture and start the stages that are due on it, if vision is idle."""
+        self._wants = wants
+        if Want.TRACK not in wants and self._follower.active:
+            self._drop_track()
+        if self._check_picture(view) is not None or not self._worker.idle(now):
+            return
+        stages = self._due(self._active(wants), now)
+        for name in stages:
+            self._last_start[name] = now
+        if stages:
+            self._worker.submit([Job(name, view, self._stage(name)) for name in stages], now)
+
+    def collect(self, now: float) -> Percepts:
+        """The newest percepts; each carries the capture time of its frame."""
+        for result in self._worker.collect(now):
+            self._account(result)
+            if result.error is None:
+                self._take(result)
+        return self._percepts
+
+    def forget_target(self) -> None:
+        """Drop the track: after teleop or a fault it is stale. The place stays, as a hint for the search."""
+        self._drop_track()
+        self._seed = None
+        self._percepts = replace(self._percepts, detections=None)
+
+    def faults(self, now: float) -> tuple[Fault, ...]:
+        """Errors inside vision, and lateness as long as rates are lowered."""
+        budget = self.budget(self._wants)
+        if not budget.lowered:
+            self._late_since = None
+            return tuple(self._errors.values())
+        self._late_since = now if self._late_since is None else self._late_since
+        rates = ", ".join(f"{name} {rate:.1f}/s" for name, rate in sorted(budget.rates_hz.items()))
+        return (*self._errors.values(), Fault("vision", "late", self._late_since, rates))
+
+    def budget(self, wants: frozenset[Want]) -> Budget:
+        """The rates in force for these wants."""
+        active = self._active(wants)
+        plans = {
+            name: StagePlan(self._wanted_hz[name], self._wanted_hz[name] * LOWEST_SHARE.get(name, 1.0), self._costs[name])
+            for name in active
+        }
+        rates = governed_rates(plans, self._config.vision.max_load)
+        return Budget(rates, any(rates[name] < self._wanted_hz[name] for name in active))
+
+    def close(self) -> None:
+        """Stop the worker."""
+        self._worker.close()
+
+    # -------------------------------------------------------------------------------------- schedule
+
+    def _active(self, wants: frozenset[Want]) -> list[str]:
+        asked = {want.value for want in wants}
+        return [name for name in STAGES if name in asked or name in ALWAYS]
+
+    def _due(self, active: Sequence[str], now: float) -> list[str]:
+        """The most overdue stages first, as many as fit into one tick (the first always does)."""
+        rates = self.budget(frozenset(Want(name) for name in active if name not in ALWAYS)).rates_hz
+        lateness = {name: (now - self._last_start.get(name, -10.0)) * rates[name] for name in active}
+        due = sorted((name for name in active if lateness[name] > 0.9), key=lambda name: -round(lateness[name], 3))
+        chosen: list[str] = []
+        spent = 0.0
+        for name in due:
+            if not chosen or spent + self._costs[name] <= BATCH_BUDGET:
+                chosen.append(name)
+                spent += self._costs[name]
+        return chosen
+
+    def _account(self, result: Result) -> None:
+        """Learn what a stage costs; the slow average keeps the governor from hunting."""
+        self.seconds[result.stage].append(result.seconds)
+        self._costs[result.stage] += 0.2 * (result.seconds - self._costs[result.stage])
+        if result.error is not None:
+            at = result.view.frame.captured_at
+            self._errors[result.stage] = Fault("vision", "error", at, f"{result.stage}: {result.error}")
+
+    # ---------------------------------------------------------------------------------------- stages
+
+    def _stage(self, name: str) -> Callable[[View], object]:
+        stages: dict[str, Callable[[View], object]] = {
+            "track": self._track,
+            "free_space": self._free_space,
+            "health": self._health,
+            "ground": self._ground,
+            "recognize": self._recognize,
+        }
+        return stages[name]
+
+    def _track(self, view: View) -> object:
+        if self._seed is not None:
+            seed_view, detection = self._seed
+            self._seed = None
+            self._follower.start(seed_view, detection)
+        return self._follower.update(view)
+
+    def _free_space(self, view: View) -> FreeSpace:
+        disparity = self._matcher(view.frame.left, view.frame.right)
+        return freespace.free_space(disparity, self._rig, self._mount, view.head.pan, view.head.tilt)
+
+    def _ground(self, view: View) -> Obstacles:
+        points = ground.obstacle_points(
+            view.frame.left, view.frame.right, self._rig, self._mount, view.head.pan, view.head.tilt
+        )
+        return Obstacles(points[:, :2])
+
+    def _health(self, view: View) -> EyesVerdict:
+        return EyesVerdict(health.eyes_swapped(view.frame.left, view.frame.right))
+
+    def _recognize(self, view: View) -> tuple[Detection, ...]:
+        return tuple(self._recognizer.predict(view.frame.left))
+
+    # --------------------------------------------------------------------------------------- results
+
+    def _take(self, result: Result) -> None:
+        """Put one stage's value into the percepts, and into the map if it is about the floor."""
+        at = result.view.frame.captured_at
+        match result.value:
+            case TargetSight() as sight:
+                self._take_sight(sight, result.view)
+            case FreeSpace() as free:
+                self.map.update(free, result.view.base, at)
+                self._percepts = replace(self._percepts, free_space=Timed(free, at))
+            case Obstacles(points=points):
+                self.map.update(_only_obstacles(points), result.view.base, at)
+            case EyesVerdict(swapped=swapped):
+                self._swapped = swapped
+            case tuple() as detections:
+                self._percepts = replace(self._percepts, detections=Timed(detections, at))
+                if detections:
+                    self._seed = (result.view, detections[0])
+
+    def _take_sight(self, sight: TargetSight, view: View) -> None:
+        at = view.frame.captured_at
+        self._percepts = replace(self._percepts, track=Timed(sight.track, at))
+        if sight.range is None:
+            return
+        x, y, _ = sight.range.position
+        place = view.base.to_world(np.array([[x, y]]))[0]
+        self._percepts = replace(
+            self._percepts, target=Timed(sight.range, at), place=Timed((float(place[0]), float(place[1])), at)
+        )
+
+    def _drop_track(self) -> None:
+        self._follower.drop()
+        self._percepts = replace(self._percepts, track=None, target=None)
+
+    def _check_picture(self, view: View) -> str | None:
+        """The cheap checks every picture must pass before any stage sees it."""
+        previous = self._previous.frame if self._previous is not None else None
+        fault = health.picture_fault(view.frame, previous)
+        self._previous = view
+        if fault is None and self._swapped:
+            fault = "swapped"
+        brightness = health.brightness(view.frame.left)
+        self._percepts = replace(self._percepts, health=Timed(Health(brightness, fault), view.frame.captured_at))
+        return fault
+
+
+def _only_obstacles(points: Points) -> FreeSpace:
+    """Obstacle points without any word on free floor."""
+    none = np.zeros(0)
+    return FreeSpace(none, none, none, points)

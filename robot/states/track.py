@@ -1,0 +1,80 @@
+"""TRACK: follow the target at the set distance, eyes on it, as long as the straight way is free."""
+
+from __future__ import annotations
+
+import math
+
+from robot.messages import Approach, Event, HeadPose, Hold, Intent, Range, Situation, Timed, Want
+from robot.nav.grid import ObstacleMap
+from robot.nav.planner import corridor_free
+from robot.states.behaviour import Behaviour, distance_between, pan_towards
+
+LOST_AFTER = 0.8  # seconds without a good track
+BLOCKED_FOR = 0.2  # seconds the way must look blocked before a detour is made
+STUCK_AFTER = 2.5  # seconds without coming nearer although there is way to go
+
+
+class Track:
+    """Head and wheels follow the target; leaves when it is lost or something stands between."""
+
+    def __init__(self, behaviour: Behaviour, obstacle_map: ObstacleMap) -> None:
+        self._behaviour = behaviour
+        self._map = obstacle_map
+
+    def enter(self, situation: Situation) -> None:
+        """Nothing was lost, blocked or stuck yet."""
+        self._good_at = situation.now
+        self._look = situation.head
+        self._free_at = situation.now
+        self._moved_at = situation.now
+
+    def step(self, situation: Situation) -> tuple[Intent, Event | None]:
+        """Follow; say so when the target is lost or the way is blocked."""
+        now = situation.now
+        target = self._good_target(situation)
+        if target is None:
+            intent = Intent(look=self._look, motion=Hold(), wants=frozenset({Want.TRACK}))
+            if now - self._good_at > LOST_AFTER:
+                return intent, Event("target_lost", "the track was lost", {"for_s": now - self._good_at})
+            return intent, None
+        self._good_at = now
+        self._look = self._follow_with_head(target.value)
+        motion = Approach(target.value.distance, target.value.bearing, self._behaviour.stand_off)
+        intent = Intent(look=self._look, motion=motion, wants=frozenset({Want.TRACK}))
+        return intent, self._blocked(situation, target.value)
+
+    def _good_target(self, situation: Situation) -> Timed[Range] | None:
+        track, target = situation.percepts.track, situation.percepts.target
+        if track is None or track.value.lost or target is None or target.age(situation.now) > 0.4:
+            return None
+        return target
+
+    def _follow_with_head(self, target: Range) -> HeadPose:
+        x, y, z = target.position
+        pan = pan_towards(x, y, self._behaviour)
+        reach = max(math.hypot(x - self._behaviour.head_forward, y), 0.1)
+        down = math.atan2(self._behaviour.head_height - z, reach)
+        # The floor just ahead must stay in view, so the head follows up and down only a little.
+        rest = self._behaviour.rest_tilt
+        return HeadPose(pan, max(rest - 0.1, min(rest + 0.17, down)))
+
+    def _blocked(self, situation: Situation, target: Range) -> Event | None:
+        now, pose = situation.now, situation.odometry.pose
+        to_go = target.distance - self._behaviour.stand_off
+        if situation.percepts.place is None or to_go < 0.15:
+            self._free_at = self._moved_at = now
+            return None
+        place = situation.percepts.place.value
+        distance = distance_between(pose, place)
+        share = max(to_go, 0.0) / max(distance, 1e-6)
+        stop = (pose.x + share * (place[0] - pose.x), pose.y + share * (place[1] - pose.y))
+        if corridor_free(self._map, (pose.x, pose.y), stop, self._behaviour.body_radius + 0.02):
+            self._free_at = now
+        if abs(situation.odometry.twist.v) > 0.02 or abs(situation.odometry.twist.w) > 0.1:
+            self._moved_at = now
+        evidence = {"distance_m": target.distance, "bearing_rad": target.bearing}
+        if now - self._free_at > BLOCKED_FOR:
+            return Event("way_blocked", "something stands in the straight way", evidence)
+        if now - self._moved_at > STUCK_AFTER:
+            return Event("way_blocked", "no way was made", evidence)
+        return None

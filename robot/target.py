@@ -1,0 +1,110 @@
+"""The target as perception knows it: tracker, range and last place, joined into one estimate a frame."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+from calib.model import HeadMount, StereoRig
+from robot.messages import Detection, Image, Range, Track, View, wrap
+from robot.vision.ranging import range_box
+from robot.vision.tracker import TemplateTracker
+
+CONFIRM_EVERY = 0.4  # seconds of picture time between looks of the recogniser at the tracked box
+DOUBTS_ALLOWED = 3  # so many looks in a row may fail before the track counts as lost
+
+
+class Recognizes(Protocol):
+    """What the taught model can do for us."""
+
+    def predict(self, image: Image) -> list[Detection]:
+        """All places in the picture that look like the target, best first."""
+        ...
+
+    def score(self, image: Image, box: object) -> float:
+        """How surely the box holds the target, 0..1; 0.5 is the threshold."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class TargetSight:
+    """One frame's word on the target: its track, its range if one could be measured."""
+
+    track: Track
+    range: Range | None
+
+
+class TargetFollower:
+    """Follows the target from a first detection on; the recogniser looks at the box now and then."""
+
+    def __init__(self, rig: StereoRig, mount: HeadMount, recognizer: Recognizes) -> None:
+        self._rig = rig
+        self._mount = mount
+        self._recognizer = recognizer
+        self._tracker: TemplateTracker | None = None
+
+    @property
+    def active(self) -> bool:
+        """True if there is something being followed."""
+        return self._tracker is not None
+
+    def start(self, view: View, detection: Detection) -> None:
+        """Follow what was detected in this view."""
+        self._tracker = TemplateTracker()
+        self._tracker.start(view.frame.left, detection.box)
+        self._last_view = view
+        self._confirmed_at = view.frame.captured_at
+        self._doubts = 0
+        self._distance: float | None = None
+        self._closing = 1.0
+
+    def drop(self) -> None:
+        """Follow nothing any more."""
+        self._tracker = None
+
+    def update(self, view: View) -> TargetSight | None:
+        """Find the target again in a newer view; None if nothing is followed."""
+        if self._tracker is None:
+            return None
+        shift = self._shift(view)
+        track = self._tracker.update(view.frame.left, scale=self._closing, shift=shift)
+        self._last_view = view
+        track = self._confirm(view, track)
+        if track.lost:
+            return TargetSight(track, None)
+        measured = range_box(
+            view.frame.left, view.frame.right, track.box, self._rig, self._mount, view.head.pan, view.head.tilt
+        )
+        self._note_distance(measured)
+        return TargetSight(track, measured)
+
+    def _shift(self, view: View) -> tuple[float, float]:
+        """How far the picture moved because head and base turned (left turn: things move right)."""
+        before = self._last_view
+        turned = wrap(view.head.pan - before.head.pan + view.base.yaw - before.base.yaw)
+        nodded = view.head.tilt - before.head.tilt
+        return self._rig.left.fx * math.tan(turned), -self._rig.left.fy * math.tan(nodded)
+
+    def _note_distance(self, measured: Range | None) -> None:
+        """Expected growth of the box in the next frame, from the last two distances."""
+        if measured is None:
+            self._closing = 1.0
+            return
+        if self._distance is not None:
+            smoothed = 0.7 * self._distance + 0.3 * measured.distance
+            self._closing = max(0.97, min(1.03, self._distance / smoothed))
+            self._distance = smoothed
+        else:
+            self._distance = measured.distance
+
+    def _confirm(self, view: View, track: Track) -> Track:
+        """Let the recogniser look now and then; several doubts in a row end the track."""
+        at = view.frame.captured_at
+        if not track.lost and at - self._confirmed_at >= CONFIRM_EVERY:
+            self._confirmed_at = at
+            sure = self._recognizer.score(view.frame.left, track.box) >= 0.5
+            self._doubts = 0 if sure else self._doubts + 1
+        if self._doubts >= DOUBTS_ALLOWED:
+            return Track(track.box, track.velocity_px, 0.0, lost=True)
+        return track
