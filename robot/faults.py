@@ -55,6 +55,7 @@ TABLE: dict[str, Row] = {
     "teleop.silent": Row(Action.STOP, 0.5, "the person at the stick went silent: the robot waits; take or release again"),
     "recorder.full": Row(Action.CARRY_ON, 1.0, "the disk is full: the run goes on, its record ends here; make room"),
     "vision.late": Row(Action.CARRY_ON, 1.0, "vision needs more time than there is: rates were lowered"),
+    "vision.error": Row(Action.HALT, 0.5, "a vision stage met its own mistake: read the log, report it"),
     "loop.error": Row(Action.HALT, 0.1, "the program met its own mistake: read the log, report it"),
 }
 

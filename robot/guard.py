@@ -23,6 +23,8 @@ from robot.messages import Clearance, Command, HeadPose, Sent, Twist
 
 _CREEP = 0.005
 """Speeds below this (m/s) move no motor: they are a stop, said so."""
+_ENDLESS = 1e6
+"""Metres: more free distance than this changes nothing, but would overflow."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,9 +96,9 @@ def safe_speed(free_distance: float, age: float, latency: float, acceleration: f
     if free_distance <= 0.0 or acceleration <= 0.0:
         return 0.0
     delay = max(age + latency, 0.0)
-    # v = -aT + sqrt((aT)^2 + 2aD), written without the difference of two like numbers.
-    root = math.sqrt((acceleration * delay) ** 2 + 2.0 * acceleration * free_distance)
-    return 2.0 * acceleration * free_distance / (acceleration * delay + root)
+    distance = min(free_distance, _ENDLESS)
+    # The positive root, written without the difference of two like numbers.
+    return 2.0 * distance / (delay + math.hypot(delay, math.sqrt(2.0 * distance / acceleration)))
 
 
 def guard(command: Command, state: GuardInput, limits: GuardLimits) -> Sent:
@@ -111,7 +113,8 @@ def guard(command: Command, state: GuardInput, limits: GuardLimits) -> Sent:
     wanted = command.twist
     if state.stop is not None:
         return replace(standing, limited_by=f"stop: {state.stop}")
-    if not _finite(wanted.v, wanted.w, state.period, state.previous.v, state.previous.w) or state.period < 0.0:
+    numbers = (wanted.v, wanted.w, state.period, state.previous.v, state.previous.w)
+    if not _finite(*numbers) or state.period < 0.0:
         return replace(standing, limited_by="a number that is none")
 
     shaped, why = _within_limits(wanted, state, limits)
@@ -167,7 +170,8 @@ def _driving(twist: Twist, state: GuardInput, limits: GuardLimits) -> tuple[Twis
         return _capped(twist, limits.blind_speed, "unseen floor: blind speed")
     if speed >= abs(twist.v):
         return twist, None
-    why = f"{ahead.limited_by} in {ahead.distance:.2f} m" if math.isfinite(ahead.distance) else "clearance unknown"
+    known = math.isfinite(ahead.distance)
+    why = f"{ahead.limited_by} in {ahead.distance:.2f} m" if known else "clearance unknown"
     if speed < _CREEP:
         return _on_the_spot(twist, state, why)
     return _scaled(twist, speed / abs(twist.v)), why

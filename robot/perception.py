@@ -14,7 +14,20 @@ import numpy as np
 from calib.model import HeadMount, StereoRig
 from robot.config import Config
 from robot.governor import StagePlan, governed_rates
-from robot.messages import Detection, Fault, FreeSpace, Health, Percepts, Points, Timed, View, Want
+from robot.messages import (
+    Clearance,
+    Detection,
+    Fault,
+    FreeSpace,
+    Health,
+    Percepts,
+    Points,
+    Pose2,
+    Timed,
+    Twist,
+    View,
+    Want,
+)
 from robot.nav.grid import ObstacleMap
 from robot.target import Recognizes, TargetFollower, TargetSight
 from robot.vision import freespace, ground, health
@@ -23,6 +36,8 @@ from robot.workers import Job, Result, Worker
 
 STAGES = ("track", "free_space", "health", "ground", "recognize")
 ALWAYS = ("free_space", "health", "ground")
+CLEARANCE_RANGE = 1.5  # metres the guard looks ahead: farther than any stopping distance
+FLOOR_MEMORY = 30.0  # seconds for which floor seen free stays known
 BATCH_BUDGET = 0.039  # a batch takes no longer than one control tick, or the next frame's track comes late
 LOWEST_SHARE = {"track": 0.2, "recognize": 0.2, "ground": 0.25}  # what the governor leaves of each rate
 
@@ -125,6 +140,14 @@ class Perception:
         }
         rates = governed_rates(plans, self._config.vision.max_load)
         return Budget(rates, any(rates[name] < self._wanted_hz[name] for name in active))
+
+    def clearance(self, pose: Pose2, twist: Twist, now: float) -> Clearance:
+        """How far the way of this twist is free, by the map."""
+        return self.map.arc_clearance(pose, twist, self._config.base.radius_m, CLEARANCE_RANGE, now, FLOOR_MEMORY)
+
+    def may_turn(self, pose: Pose2) -> bool:
+        """True if nothing stands within the circle the body turns in."""
+        return self.map.disc_free(pose, self._config.base.radius_m)
 
     def close(self) -> None:
         """Stop the worker."""

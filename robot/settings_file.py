@@ -36,7 +36,9 @@ def parse(text: str, kind: type[S], source: str) -> S:
     try:
         tree = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise UserError(f"{source}: not valid TOML: {error}; mend that line") from None
+        words = str(error)
+        where = words[words.rfind("(at ") + 4 :].rstrip(")")
+        raise UserError(f"{source}: not valid TOML at {where}: {words[: words.rfind(' (at ')]}") from None
     try:
         return msgspec.convert(tree, kind, strict=True)
     except msgspec.ValidationError as error:

@@ -1,0 +1,1 @@
+"""Figures of the robot, each measured by one command: `python -m bench.NAME [--json]`."""

@@ -1,0 +1,112 @@
+"""The composition root: config -> perception, states, body, loop. The only file that knows everyone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import cv2
+
+from calib.model import HeadMount, StereoRig
+from robot.body.wheels import WheelsBody, WheelsSettings
+from robot.chart import RobotChart
+from robot.clock import Clock
+from robot.config import Config
+from robot.guard import GuardLimits
+from robot.loop import Devices, Loop, LoopSettings
+from robot.messages import Pose2, Tick
+from robot.nav.costfield import Body
+from robot.nav.grid import MapSettings, ObstacleMap
+from robot.perception import STAGES, Perception
+from robot.states.avoid import Avoid
+from robot.states.behaviour import Behaviour, State
+from robot.states.halted import Halted
+from robot.states.idle import Idle
+from robot.states.range import Range
+from robot.states.recognize import Recognize
+from robot.states.search import Search
+from robot.states.teleop import Teleop
+from robot.states.track import Track
+from robot.target import Recognizes
+from robot.workers import SteppedWorker, Worker
+
+
+def nominal_rig(config: Config) -> StereoRig:
+    """The pair as the config describes it, for want of a calibration file."""
+    eyes = config.cameras
+    return StereoRig.parallel(eyes.width_px, eyes.height_px, eyes.focal_px, eyes.baseline_m)
+
+
+def head_mount(config: Config) -> HeadMount:
+    """Where the head sits."""
+    head = config.head
+    return HeadMount(head.forward_m, head.height_m, head.eye_forward_m, config.cameras.baseline_m)
+
+
+def stepped_worker(config: Config, slow: float = 1.0) -> SteppedWorker:
+    """The lockstep worker with the configured costs of the stages."""
+    return SteppedWorker({name: getattr(config.vision, name).cost_s for name in STAGES}, slow)
+
+
+def build_states(config: Config, obstacle_map: ObstacleMap) -> dict[str, State]:
+    """One object a state, by the chart's names."""
+    behaviour = Behaviour(
+        stand_off=config.mission.stand_off_m,
+        search_timeout=config.mission.search_timeout_s,
+        confirm_frames=config.vision.confirm_frames,
+        body=Body(radius=config.base.radius_m),
+        head_forward=config.head.forward_m,
+        head_height=config.head.height_m,
+        pan_limit=math.radians(config.head.pan_limit_deg),
+        rest_tilt=math.radians(config.head.rest_tilt_deg),
+    )
+    return {
+        "idle": Idle(behaviour, config.mission.armed_at_start),
+        "search": Search(behaviour, obstacle_map),
+        "recognize": Recognize(behaviour),
+        "range": Range(behaviour),
+        "track": Track(behaviour, obstacle_map),
+        "avoid": Avoid(behaviour, obstacle_map),
+        "teleop": Teleop(behaviour),
+        "halted": Halted(behaviour),
+    }
+
+
+def loop_settings(config: Config) -> LoopSettings:
+    """The control tick's numbers."""
+    base, safety = config.base, config.safety
+    return LoopSettings(
+        guard=GuardLimits(
+            max_speed=base.max_speed_m_s,
+            max_turn=math.radians(base.max_turn_deg_s),
+            max_acceleration=base.max_acceleration_m_s2,
+            margin=safety.margin_m,
+            latency=safety.actuation_latency_s,
+            free_space_max_age=safety.free_space_max_age_s,
+            blind_speed=config.teleop.blind_speed_m_s,
+        ),
+        frame_max_age=safety.frame_max_age_s,
+        teleop_timeout=config.teleop.timeout_s,
+        teleop_max_v=base.max_speed_m_s,
+        teleop_max_w=math.radians(base.max_turn_deg_s),
+        lamp_on_below=config.lamp.on_below,
+        lamp_off_above=config.lamp.off_above,
+    )
+
+
+def build_perception(config: Config, rig: StereoRig, recognizer: Recognizes, worker: Worker) -> Perception:
+    """Vision with its map; the floor the robot was put on counts as free."""
+    obstacle_map = ObstacleMap(MapSettings(body_radius=config.base.radius_m))
+    obstacle_map.start_disc(Pose2(), config.base.radius_m + 0.05)
+    return Perception(config, rig, head_mount(config), recognizer, worker, obstacle_map)
+
+
+def build_loop(
+    config: Config, devices: Devices, perception: Perception, clock: Clock,
+    observers: Sequence[Callable[[Tick], None]] = (),
+) -> Loop:
+    """Everything joined, ready to tick."""
+    cv2.setNumThreads(1)
+    body = WheelsBody(WheelsSettings())
+    states = build_states(config, perception.map)
+    return Loop(clock, devices, perception, RobotChart(), states, body, loop_settings(config), observers)

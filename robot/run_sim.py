@@ -1,0 +1,118 @@
+"""One run in a simulated room: the world, the robot in it, the referee beside it, in lockstep."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import msgspec
+
+from robot.app import build_loop, build_perception, head_mount, nominal_rig, stepped_worker
+from robot.clock import SteppedClock
+from robot.config import Config
+from robot.hal.links import MemoryLink
+from robot.hal.nxt.base import NxtBase
+from robot.hal.nxt.brick import Brick
+from robot.loop import Devices, Loop
+from robot.messages import Box, Tick
+from robot.perception import Perception
+from robot.sim.referee import Claim, Referee
+from robot.sim.world import InjectedFault, World
+from robot.sim.scene import Scene
+from robot.target import Recognizes
+
+CLAIMING = ("range", "track", "avoid")
+
+
+@dataclass(frozen=True, slots=True)
+class SimOptions:
+    """How a run differs from the plain one: slower vision, broken devices."""
+
+    slow: float = 1.0
+    faults: tuple[InjectedFault, ...] = ()
+
+
+class Claims:
+    """Turns ticks into what the robot publicly claims, for the referee to judge.
+
+    A percept names its frame by the capture time; the referee wants the frame's number.
+    """
+
+    def __init__(self) -> None:
+        self._seq_at: dict[float, int] = {}
+        self._gave_up = False
+
+    def of(self, tick: Tick) -> Claim:
+        """The claim of one tick."""
+        if tick.view is not None:
+            self._seq_at[tick.view.frame.captured_at] = tick.view.frame.seq
+            for old in [at for at in self._seq_at if at < tick.now - 1.0]:
+                del self._seq_at[old]
+        if any(t.event.name == "given_up" for t in tick.transitions):
+            self._gave_up = True
+        box: Box | None = None
+        distance: float | None = None
+        seq: int | None = None
+        track, target = tick.percepts.track, tick.percepts.target
+        if tick.state in CLAIMING and track is not None and not track.value.lost:
+            box = track.value.box
+            seq = self._seq_at.get(track.at)
+            if target is not None and target.at == track.at:
+                distance = target.value.distance
+        return Claim(
+            now=tick.now, state=tick.state, found=box is not None, box=box, range_m=distance, frame_seq=seq,
+            gave_up=self._gave_up,
+        )
+
+
+class SimRun:
+    """World, robot and referee joined; `step` until `done`."""
+
+    def __init__(
+        self, scene: Scene, seed: int, recognizer: Recognizes, config: Config | None = None,
+        options: SimOptions | None = None, observers: Sequence[Callable[[Tick], None]] = (),
+    ) -> None:
+        options = options or SimOptions()
+        self.config = armed(config or Config(), scene, seed)
+        self.world = World(scene, seed, options.faults)
+        self.referee = Referee(self.world)
+        self.clock = SteppedClock()
+        self.perception: Perception = build_perception(
+            self.config, nominal_rig(self.config), recognizer, stepped_worker(self.config, options.slow)
+        )
+        self._claims = Claims()
+        self.devices = open_simulated(self.world, self.config)
+        self.loop: Loop = build_loop(self.config, self.devices, self.perception, self.clock, observers)
+
+    @property
+    def done(self) -> bool:
+        """True once the referee has seen enough."""
+        return self.referee.done
+
+    def step(self) -> Tick:
+        """One control tick of world, robot and referee."""
+        self.world.step()
+        self.clock.step()
+        tick = self.loop.tick()
+        self.referee.observe(self._claims.of(tick))
+        return tick
+
+    def close(self) -> None:
+        """Stop the wheels and release the world. May be called twice."""
+        self.loop.close()
+        self.perception.close()
+        self.devices.base.close()
+        self.world.close()
+
+
+def open_simulated(world: World, config: Config) -> Devices:
+    """The world's devices; the base through the real NXT driver and the emulated brick."""
+    base = NxtBase(Brick(MemoryLink(world.brick.handle)))
+    return Devices(world.camera, world.head, world.lamp, base)
+
+
+def armed(config: Config, scene: Scene, seed: int) -> Config:
+    """The config for a simulated mission: autonomy from the start, the scene's stand-off."""
+    mission = msgspec.structs.replace(config.mission, armed_at_start=True, seed=seed, stand_off_m=scene.stand_off_m)
+    return msgspec.structs.replace(config, mission=mission)

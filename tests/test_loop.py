@@ -1,0 +1,263 @@
+"""The control tick: who is heard first, what reaches the wheels, and that it stops on any doubt."""
+
+import numpy as np
+import pytest
+
+from robot.chart import RobotChart
+from robot.clock import SteppedClock
+from robot.guard import GuardLimits
+from robot.hal.mock import MockBase, MockCamera, MockHead, MockLamp, MockTeleop
+from robot.loop import Devices, Loop, LoopSettings
+from robot.messages import (
+    Clearance,
+    Command,
+    Event,
+    Fault,
+    Follow,
+    FreeSpace,
+    HeadPose,
+    Health,
+    Intent,
+    Percepts,
+    TeleopInput,
+    Timed,
+    Twist,
+)
+
+NONE = np.zeros(0)
+FLOOR = FreeSpace(NONE, NONE, NONE, np.zeros((0, 2)))
+DRIVE = Intent(motion=Follow(((0.0, 0.0), (5.0, 0.0))))
+
+
+class ScriptedPerception:
+    """Sees free floor and a good picture, unless told otherwise."""
+
+    def __init__(self):
+        self.free = Clearance(1.5, "range")
+        self.fault = None
+        self.extra = ()
+        self.floor_age = 0.05
+        self.blind = False
+        self.forgotten = 0
+        self._at = None
+
+    def submit(self, view, wants, now):
+        self._at = view.frame.captured_at
+
+    def collect(self, now):
+        if self._at is None or self.blind:
+            return Percepts()
+        floor = Timed(FLOOR, now - self.floor_age)
+        return Percepts(health=Timed(Health(90.0, self.fault), self._at), free_space=floor)
+
+    def faults(self, now):
+        return self.extra
+
+    def forget_target(self):
+        self.forgotten += 1
+
+    def clearance(self, pose, twist, now):
+        return self.free
+
+    def may_turn(self, pose):
+        return True
+
+
+class ScriptedState:
+    """Intends to drive; sends the event it was given once."""
+
+    def __init__(self):
+        self.event = None
+        self.error = None
+        self.entered = 0
+
+    def enter(self, situation):
+        self.entered += 1
+
+    def step(self, situation):
+        if self.error is not None:
+            raise self.error
+        event, self.event = self.event, None
+        return DRIVE, event
+
+
+class StraightBody:
+    def command(self, intent, odometry, blocked_by_unknown, now):
+        v = 0.2 if isinstance(intent.motion, Follow) else 0.0
+        return Command(Twist(v, 0.0), HeadPose(), 0.0, now + 0.2)
+
+
+class Bench:
+    """A robot of mocks, steppable."""
+
+    def __init__(self, *words):
+        picture = np.full((8, 8, 3), 90, np.uint8)
+        self.clock = SteppedClock()
+        self.camera = MockCamera([(picture, picture)])
+        self.base, self.teleop = MockBase(), MockTeleop(words)
+        self.perception = ScriptedPerception()
+        names = ("idle", "search", "recognize", "range", "track", "avoid", "teleop", "halted")
+        self.states = {name: ScriptedState() for name in names}
+        self.chart = RobotChart()
+        self.ticks = []
+        self.loop = Loop(
+            self.clock, Devices(self.camera, MockHead(), MockLamp(), self.base, self.teleop), self.perception,
+            self.chart, self.states, StraightBody(), LoopSettings(GuardLimits()), [self.ticks.append],
+        )
+
+    def run(self, ticks=1):
+        for _ in range(ticks):
+            self.clock.step()
+            last = self.loop.tick()
+        return last
+
+    def in_state(self, *events):
+        self.run()
+        for event in events:
+            self.states[self.chart.leaf].event = Event(event, "test")
+            self.run()
+        return self
+
+
+TRACK = ("armed", "candidate_seen", "target_confirmed", "target_ranged")
+
+
+def test_a_free_way_is_driven_and_told_to_the_observers():
+    bench = Bench().in_state("armed")
+    tick = bench.run(20)
+    assert tick.sent.twist.v == pytest.approx(0.2)
+    assert bench.ticks[-1] is tick
+    assert tick.odometry.pose.x > 0.05
+
+
+def test_every_transition_is_told_with_its_reason_after_the_wheels_were_stopped():
+    bench = Bench().in_state("armed")
+    bench.run(10)
+    bench.states["search"].event = Event("candidate_seen", "something red", {"score": 0.9})
+    tick = bench.run()
+    (transition,) = tick.transitions
+    assert (transition.source, transition.target) == ("search", "recognize")
+    assert transition.event.evidence == {"score": 0.9}
+    assert bench.states["recognize"].entered == 1
+    assert [call.method for call in bench.base.calls if call.now == tick.now].index("stop") == 1, "right after read"
+
+
+def test_an_obstacle_stops_the_wheels_and_says_so():
+    bench = Bench().in_state("armed")
+    bench.run(10)
+    bench.perception.free = Clearance(0.01, "obstacle")
+    tick = bench.run()
+    assert tick.sent.twist.is_zero
+    assert "obstacle" in tick.sent.limited_by
+
+
+def test_old_free_space_stops_translation():
+    bench = Bench().in_state("armed")
+    bench.perception.floor_age = 0.35
+    assert bench.run(5).sent.twist.v == 0.0
+
+
+@pytest.mark.parametrize("kind", ["black", "frozen", "unpaired"])
+def test_a_bad_picture_stops_the_robot_and_track_is_never_taken_up_again_stale(kind):
+    bench = Bench().in_state(*TRACK)
+    bench.run(10)
+    bench.perception.fault = kind
+    tick = bench.run()
+    assert tick.sent.twist.is_zero
+    assert tick.state == "recognize"
+    assert bench.perception.forgotten
+    bench.run(10)
+    assert bench.base.read(bench.clock.now()).twist.is_zero
+    bench.perception.fault = None
+    assert bench.run().state == "recognize"
+
+
+def test_swapped_eyes_halt_until_a_person_acknowledges():
+    bench = Bench().in_state(*TRACK)
+    bench.perception.fault = "swapped"
+    assert bench.run().state == "halted"
+    bench.perception.fault = None
+    assert bench.run(50).state == "halted"
+    bench.teleop.say(TeleopInput(at=bench.clock.now(), release=True))
+    assert bench.run(2).state == "idle"
+
+
+def test_a_camera_that_shows_nothing_new_is_a_fault():
+    bench = Bench().in_state("armed")
+    bench.camera.fail("latest", "link")
+    tick = bench.run(20)
+    assert {"camera.link", "camera.stale"} <= {fault.key for fault in tick.faults}
+    assert tick.sent.twist.is_zero
+
+
+def test_no_picture_at_all_is_a_fault_after_half_a_second():
+    bench = Bench()
+    bench.perception.blind = True
+    assert bench.run(5).faults == ()
+    assert [fault.key for fault in bench.run(10).faults] == ["camera.missing"]
+
+
+def test_a_states_mistake_stops_the_wheels_and_halts():
+    bench = Bench().in_state("armed")
+    bench.run(10)
+    bench.states["search"].error = KeyError("oops")
+    tick = bench.run(2)
+    assert tick.state == "halted"
+    assert any(fault.key == "loop.error" and "oops" in fault.evidence for fault in tick.faults)
+    assert tick.sent.twist.is_zero
+
+
+def test_an_event_the_chart_does_not_know_here_halts_instead_of_ending_the_process():
+    bench = Bench().in_state("armed")
+    bench.states["search"].event = Event("way_free", "nonsense")
+    assert bench.run(2).state == "halted"
+
+
+def test_carry_on_faults_do_not_stop_the_mission():
+    bench = Bench().in_state("armed")
+    bench.perception.extra = (Fault("vision", "late", 0.0),)
+    tick = bench.run(20)
+    assert tick.sent.twist.v == pytest.approx(0.2)
+    assert tick.state == "search"
+
+
+def test_a_person_takes_drives_and_gives_back_by_recognize():
+    bench = Bench(
+        TeleopInput(at=0.5, take=True), TeleopInput(at=0.6, v=0.5), TeleopInput(at=0.8, v=0.5),
+        TeleopInput(at=1.0, arm=True),
+    ).in_state(*TRACK)
+    while bench.clock.now() < 0.55:
+        tick = bench.run()
+    assert tick.state == "teleop"
+    assert tick.sent.twist.is_zero
+    while bench.clock.now() < 0.9:
+        tick = bench.run()
+    assert tick.sent.twist.v == pytest.approx(0.125)
+    while bench.clock.now() < 1.05:
+        tick = bench.run()
+    assert tick.state == "recognize"
+
+
+def test_silence_at_the_stick_stops_and_never_gives_back_to_autonomy():
+    bench = Bench(TeleopInput(at=0.5, take=True), TeleopInput(at=0.6, v=1.0)).in_state(*TRACK)
+    tick = bench.run(100)
+    assert tick.state == "teleop"
+    assert tick.sent.twist.is_zero
+    assert "teleop.silent" in {fault.key for fault in tick.faults}
+
+
+def test_a_person_drives_with_dead_cameras_slowly():
+    words = [TeleopInput(at=0.1, take=True), *(TeleopInput(at=0.2 + 0.1 * k, v=1.0) for k in range(20))]
+    bench = Bench(*words)
+    bench.perception.fault = "black"
+    tick = bench.run(40)
+    assert tick.state == "teleop"
+    assert tick.sent.twist.v == pytest.approx(0.08)
+    assert "blind" in tick.sent.limited_by
+
+
+def test_close_stops_the_wheels():
+    bench = Bench().in_state("armed")
+    bench.run(10)
+    bench.loop.close()
+    assert bench.base.calls[-1].method == "stop"
