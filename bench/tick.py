@@ -38,3 +38,86 @@ class ChargedWorker(SteppedWorker):
             at += seconds
             self._pending.append((at, Result(result.stage, result.view, result.value, seconds, result.error)))
         self._busy_until = at
+
+
+def measure(scene_name: str, seed: int) -> dict[str, Any]:
+    """Run one scene; wall times of the control tick without vision, ages at decision, shares of a core."""
+    scene = load_scene(scene_name)
+    simulated = SimRun(scene, seed, recognizer_for(scene), SimOptions(), worker=(worker := ChargedWorker()))
+    ticks, track_ages, floor_ages = [], [], []
+    try:
+        while not simulated.done:
+            simulated.world.step()
+            simulated.clock.step()
+            worker.wall = 0.0
+            start = time.perf_counter()
+            tick = simulated.loop.tick()
+            ticks.append(time.perf_counter() - start - worker.wall)
+            simulated.observe(tick)
+            if tick.state == "track":
+                percepts = tick.percepts
+                if percepts.track is not None:
+                    track_ages.append(percepts.track.age(tick.now))
+                if percepts.free_space is not None:
+                    floor_ages.append(percepts.free_space.age(tick.now))
+        seconds = simulated.perception.seconds
+        duration = simulated.clock.now()
+    finally:
+        simulated.close()
+    return {
+        "ticks": ticks, "track_ages": track_ages, "floor_ages": floor_ages, "duration": duration,
+        "shares": {stage: sum(times) / duration for stage, times in seconds.items()},
+        "medians": {stage: float(np.median(times)) for stage, times in seconds.items() if times},
+    }
+
+
+def slowed(scene_name: str, seed: int) -> tuple[bool, int]:
+    """Run with every stage three times slower: whether the run said so, and its collisions."""
+    scene = load_scene(scene_name)
+    simulated = SimRun(scene, seed, recognizer_for(scene), SimOptions(slow=3.0))
+    said = False
+    try:
+        while not simulated.done:
+            tick = simulated.step()
+            said |= any(fault.key == "vision.late" for fault in tick.faults)
+        return said, int(simulated.referee.report()["collisions"])
+    finally:
+        simulated.close()
+
+
+def main() -> int:
+    """Measure and print."""
+    options = arguments(__doc__ or "").parse_args()
+    scenes = ("demo", "standing", "moving") if options.full else ("demo",)
+    runs = [measure(scene, seed=1) for scene in scenes]
+    tick = np.concatenate([run["ticks"] for run in runs]) * 1e3
+    track, floor = (np.concatenate([run[key] for run in runs]) * 1e3 for key in ("track_ages", "floor_ages"))
+    duration = sum(run["duration"] for run in runs)
+    stages = sorted({stage for run in runs for stage in run["shares"]})
+    shares = {stage: sum(r["shares"][stage] * r["duration"] for r in runs) / duration for stage in stages}
+    said, collisions = slowed("demo", seed=1)
+    rows: list[dict[str, Any]] = [
+        {"case": "control tick without vision", "method": "loop", "median_ms": float(np.median(tick)),
+         "p99_ms": float(np.percentile(tick, 99))},
+        {"case": "age of track at decision", "method": "track", "median_ms": float(np.median(track)),
+         "p99_ms": float(np.percentile(track, 99))},
+        {"case": "age of free space in TRACK", "method": "free_space", "median_ms": float(np.median(floor)),
+         "p99_ms": float(np.percentile(floor, 99))},
+    ]
+    for stage in stages:
+        medians = [run["medians"][stage] for run in runs if stage in run["medians"]]
+        rows.append({"case": "vision stage", "method": stage, "share_of_core": shares[stage],
+                     "median_ms": 1e3 * float(np.median(medians)) if medians else 0.0})
+    bars = [
+        Bar("control tick p99, ms", rows[0]["p99_ms"], 10.0),
+        Bar("age of track at decision p99, ms", rows[1]["p99_ms"], 80.0),
+        Bar("age of free space p99, ms", rows[2]["p99_ms"], 200.0),
+        Bar("share of vision, cores", sum(shares.values()), 0.9),
+        Bar("slowed three times: the run says so", float(said), 1.0, at_most=False),
+        Bar("slowed three times: collisions", float(collisions), 0.0),
+    ]
+    return publish("tick", rows, bars, options.json)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -15,7 +15,6 @@ from robot.config import Config
 from robot.guard import GuardLimits
 from robot.loop import Devices, Loop, LoopSettings
 from robot.messages import Pose2, Tick
-from robot.nav.costfield import Body
 from robot.nav.grid import MapSettings, ObstacleMap
 from robot.perception import STAGES, Perception
 from robot.states.avoid import Avoid
@@ -54,7 +53,7 @@ def build_states(config: Config, obstacle_map: ObstacleMap) -> dict[str, State]:
         stand_off=config.mission.stand_off_m,
         search_timeout=config.mission.search_timeout_s,
         confirm_frames=config.vision.confirm_frames,
-        body=Body(radius=config.base.radius_m),
+        body_radius=config.base.radius_m,
         head_forward=config.head.forward_m,
         head_height=config.head.height_m,
         pan_limit=math.radians(config.head.pan_limit_deg),

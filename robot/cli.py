@@ -62,11 +62,19 @@ def demo(seed: int, video: bool) -> int:
 @click.option("--duration", type=click.FloatRange(min=0.1), help="Stop a hardware run after so many seconds.")
 def run(**options: Any) -> int:
     """Run the robot: on its hardware (--config) or in a simulated room (--sim)."""
-    if (options["config_path"] is None) == (options["scene"] is None) and options["scene"] is None:
-        raise UserError("nothing to run: give --config FILE for the hardware or --sim SCENE for a simulated room")
+    if options["scene"] is None:
+        if options["config_path"] is None:
+            raise UserError("nothing to run: give --config FILE for the hardware or --sim SCENE for a simulated room")
+        from robot.run_hardware import run_hardware
+
+        return run_hardware(options["config_path"], Path("runs"), options["duration"])
     from robot import missions
 
-    return missions.run(**options)
+    seeds = range(1, options["seeds"] + 1) if options["seeds"] else (options["seed"],)
+    return missions.run_sim(
+        options["scene"], seeds, options["jobs"], options["as_json"], options["video"], options["slow"],
+        options["faults"], options["config_path"],
+    )
 
 
 @commands.command()
@@ -91,9 +99,9 @@ def teach(source: str, name: str, box: str | None, out: Path | None, seed: int) 
 @click.option("--out", type=PATH, default=Path("look.png"), show_default=True, help="Annotated picture to write.")
 def look(left: Path, right: Path, calibration: Path, target: Path | None, box: str | None, out: Path) -> int:
     """Measure range and free passage on a stereo pair of pictures."""
-    from robot import missions
+    from robot.look import look_at
 
-    return missions.look_at(left, right, calibration, target, box, out)
+    return look_at(left, right, calibration, target, box, out)
 
 
 @commands.command()

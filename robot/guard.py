@@ -23,6 +23,8 @@ from robot.messages import Clearance, Command, HeadPose, Sent, Twist
 
 _CREEP = 0.005
 """Speeds below this (m/s) move no motor: they are a stop, said so."""
+_NOTHING = 1e-9
+"""Metres that are none."""
 _ENDLESS = 1e6
 """Metres: more free distance than this changes nothing, but would overflow."""
 
@@ -93,7 +95,7 @@ def safe_speed(free_distance: float, age: float, latency: float, acceleration: f
     """
     if not all(map(math.isfinite, (free_distance, age, latency, acceleration))):
         return 0.0
-    if free_distance <= 0.0 or acceleration <= 0.0:
+    if free_distance <= _NOTHING or acceleration <= 0.0:
         return 0.0
     delay = max(age + latency, 0.0)
     distance = min(free_distance, _ENDLESS)

@@ -163,7 +163,7 @@ class Loop:
         word = self._devices.teleop.latest(now) if self._devices.teleop else None
         verdict = self._judge_word(word, now)
         active = self._gather_faults(now, percepts, verdict.silent)
-        transitions = self._decide(situation, faults.worst_action(active), verdict)
+        transitions = self._decide(situation, active, verdict)
         sent = self._act(situation, percepts, active, verdict)
         tick = Tick(now, self._chart.leaf, view, percepts, odometry, head, self._intent, sent, active, transitions)
         for observe in self._observers:
@@ -236,23 +236,23 @@ class Loop:
         return verdict
 
     def _decide(
-        self, situation: Situation, action: faults.Action, verdict: authority.Verdict
+        self, situation: Situation, active: tuple[Fault, ...], verdict: authority.Verdict
     ) -> tuple[Transition, ...]:
         """Faults first, then the person, then the state; returns the transitions taken."""
+        action = faults.worst_action(active)
         leaf = self._chart.leaf
         transitions: list[Transition] = []
         if not self._entered:
             self._enter(leaf, situation)
         if action is faults.Action.HALT and leaf != "halted":
-            event = Event("fault_halted", "a fault that needs a person")
-            return (self._go(event, situation),)
+            return (self._go(_fault_event("fault_halted", active, action), situation),)
         if verdict.event is not None:
             return (self._go(verdict.event, situation),)
         if action >= faults.Action.STOP and leaf in AUTONOMOUS:
             if not self._stopped:
                 self._stopped = True
                 self._perception.forget_target()
-                transitions.append(self._go(Event("interrupted", "a fault stops the robot"), situation))
+                transitions.append(self._go(_fault_event("interrupted", active, action), situation))
             self._intent = Intent(look=self._intent.look, wants=self._intent.wants)
             return tuple(transitions)
         self._stopped = False
@@ -280,7 +280,7 @@ class Loop:
         """Take a transition. The wheels stand before the chart moves: sending runs other code."""
         source = self._chart.leaf
         self._devices.base.stop(situation.now)
-        self._intent = Intent(look=self._intent.look)
+        self._intent = Intent(look=self._intent.look, wants=self._intent.wants)
         if event.name in ("teleop_taken", "fault_halted", "disarmed"):
             self._perception.forget_target()
         self._chart.send(event.name)
@@ -351,3 +351,9 @@ class Loop:
             twist = devices.base.send(sent.twist, now)
         head = devices.head.send(sent.head, now) if sent.head is not None else None
         return replace(sent, twist=twist, head=head, lamp=devices.lamp.send(sent.lamp, now))
+
+
+def _fault_event(name: str, active: tuple[Fault, ...], action: faults.Action) -> Event:
+    """The chart's event for the first fault that asks for this action, in the table's words."""
+    fault = next(fault for fault in active if faults.row(fault).action is action)
+    return Event(name, faults.row(fault).words, {"fault": fault.key, "seen": fault.evidence})

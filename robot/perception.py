@@ -38,6 +38,7 @@ STAGES = ("track", "free_space", "health", "ground", "recognize")
 ALWAYS = ("free_space", "health", "ground")
 CLEARANCE_RANGE = 1.5  # metres the guard looks ahead: farther than any stopping distance
 FLOOR_MEMORY = 30.0  # seconds for which floor seen free stays known
+SEED_LIFE = 1.0  # seconds for which a detection may start a track
 BATCH_BUDGET = 0.039  # a batch takes no longer than one control tick, or the next frame's track comes late
 LOWEST_SHARE = {"track": 0.2, "recognize": 0.2, "ground": 0.25}  # what the governor leaves of each rate
 
@@ -192,11 +193,12 @@ class Perception:
         }
         return stages[name]
 
-    def _track(self, view: View) -> object:
-        if self._seed is not None:
+    def _track(self, view: View) -> TargetSight | None:
+        if not self._follower.following and self._seed is not None:
             seed_view, detection = self._seed
-            self._seed = None
-            self._follower.start(seed_view, detection)
+            if view.frame.captured_at - seed_view.frame.captured_at <= SEED_LIFE:
+                self._follower.start(seed_view, detection)
+        self._seed = None
         return self._follower.update(view)
 
     def _free_space(self, view: View) -> FreeSpace:
@@ -236,6 +238,8 @@ class Perception:
                     self._seed = (result.view, detections[0])
 
     def _take_sight(self, sight: TargetSight, view: View) -> None:
+        if not self._follower.active:
+            return  # the track was dropped while this result was on its way
         at = view.frame.captured_at
         self._percepts = replace(self._percepts, track=Timed(sight.track, at))
         if sight.range is None:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import msgspec
 
-from robot.app import build_loop, build_perception, head_mount, nominal_rig, stepped_worker
+from robot.app import build_loop, build_perception, nominal_rig, stepped_worker
 from robot.clock import SteppedClock
 from robot.config import Config
 from robot.hal.links import MemoryLink
@@ -21,6 +20,7 @@ from robot.sim.referee import Claim, Referee
 from robot.sim.world import InjectedFault, World
 from robot.sim.scene import Scene
 from robot.target import Recognizes
+from robot.workers import Worker
 
 CLAIMING = ("range", "track", "avoid")
 
@@ -72,6 +72,7 @@ class SimRun:
     def __init__(
         self, scene: Scene, seed: int, recognizer: Recognizes, config: Config | None = None,
         options: SimOptions | None = None, observers: Sequence[Callable[[Tick], None]] = (),
+        worker: Worker | None = None,
     ) -> None:
         options = options or SimOptions()
         self.config = armed(config or Config(), scene, seed)
@@ -79,7 +80,7 @@ class SimRun:
         self.referee = Referee(self.world)
         self.clock = SteppedClock()
         self.perception: Perception = build_perception(
-            self.config, nominal_rig(self.config), recognizer, stepped_worker(self.config, options.slow)
+            self.config, nominal_rig(self.config), recognizer, worker or stepped_worker(self.config, options.slow)
         )
         self._claims = Claims()
         self.devices = open_simulated(self.world, self.config)
@@ -95,8 +96,12 @@ class SimRun:
         self.world.step()
         self.clock.step()
         tick = self.loop.tick()
-        self.referee.observe(self._claims.of(tick))
+        self.observe(tick)
         return tick
+
+    def observe(self, tick: Tick) -> None:
+        """Let the referee judge what the robot claims."""
+        self.referee.observe(self._claims.of(tick))
 
     def close(self) -> None:
         """Stop the wheels and release the world. May be called twice."""

@@ -43,16 +43,23 @@ class TargetFollower:
         self._mount = mount
         self._recognizer = recognizer
         self._tracker: TemplateTracker | None = None
+        self._lost = False
 
     @property
     def active(self) -> bool:
         """True if there is something being followed."""
         return self._tracker is not None
 
+    @property
+    def following(self) -> bool:
+        """True if the target was still held in the last view."""
+        return self._tracker is not None and not self._lost
+
     def start(self, view: View, detection: Detection) -> None:
         """Follow what was detected in this view."""
         self._tracker = TemplateTracker()
         self._tracker.start(view.frame.left, detection.box)
+        self._lost = False
         self._last_view = view
         self._confirmed_at = view.frame.captured_at
         self._doubts = 0
@@ -71,6 +78,7 @@ class TargetFollower:
         track = self._tracker.update(view.frame.left, scale=self._closing, shift=shift)
         self._last_view = view
         track = self._confirm(view, track)
+        self._lost = track.lost
         if track.lost:
             return TargetSight(track, None)
         measured = range_box(

@@ -31,8 +31,8 @@ MOST_VIEWS = 160
 SMALLEST_PX = 24
 # Views of one object: correlation above this means one of the two adds nothing.
 _SAME_VIEW = 0.995
-# Share of a view's contrast that must lie in its finest detail; a sharp print has 0.1 and more.
-_BLURRED = 0.035
+# Share of a view's contrast that must lie in its finest detail; a sharp print has 0.2 and more.
+_BLURRED = 0.08
 _SHARPNESS_SIZE = 32
 _COMPARED_SIZE = (16, 16)
 _BACKGROUNDS = 48

@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
+
 from robot.messages import Event, HeadPose, Intent, Pose2, Situation
 
 
@@ -44,7 +46,7 @@ def pan_towards(x: float, y: float, behaviour: Behaviour) -> float:
 
 def look_at_place(place: tuple[float, float], pose: Pose2, behaviour: Behaviour) -> HeadPose:
     """Head pose that looks towards a place of the odometry frame, floor ahead still in view."""
-    local = pose.to_local([place])[0]
+    local = pose.to_local(np.array([place]))[0]
     return HeadPose(pan_towards(float(local[0]), float(local[1]), behaviour), behaviour.rest_tilt)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass
+from itertools import pairwise
 
 from robot.messages import Detection, Event, Follow, HeadPose, Hold, Intent, Motion, Pose2, Situation, Turn, Want, wrap
 from robot.nav.grid import ObstacleMap
@@ -180,16 +181,15 @@ class Search:
     def _extend(self, situation: Situation) -> bool:
         pose = situation.odometry.pose
         self._visited.append((pose.x, pose.y))
-        view = next_view(self._map, pose, tuple(self._visited))
+        view = next_view(self._map, pose, tuple(self._visited), self._behaviour.body_radius)
         if view is None:
             return False
         x, y, heading = view
-        path = plan(
-            self._map, (pose.x, pose.y), (x, y), radius=self._behaviour.body_radius, margin=self._behaviour.margin
-        )
+        radius, margin = self._behaviour.body_radius, self._behaviour.margin
+        path = plan(self._map, (pose.x, pose.y), (x, y), radius, margin)
         if path is None:
             return False
-        length = sum(math.dist(a, b) for a, b in zip(path, path[1:], strict=False))
+        length = sum(math.dist(a, b) for a, b in pairwise(path))
         self._steps.append(Travel(Follow(path), 6.0 + length / 0.1))
         self._steps.append(TurnTo(heading))
         self._steps.extend(self._sweep())

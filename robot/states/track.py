@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from robot.messages import Approach, Event, HeadPose, Hold, Intent, Range, Situation, Timed, Want
 from robot.nav.grid import ObstacleMap
 from robot.nav.planner import corridor_free
@@ -38,8 +40,9 @@ class Track:
                 return intent, Event("target_lost", "the track was lost", {"for_s": now - self._good_at})
             return intent, None
         self._good_at = now
-        self._look = self._follow_with_head(target.value)
-        motion = Approach(target.value.distance, target.value.bearing, self._behaviour.stand_off)
+        x, y = self._place_now(situation, target)
+        self._look = self._follow_with_head(x, y, target.value.position[2])
+        motion = Approach(target.value.distance, math.atan2(y, x), self._behaviour.stand_off)
         intent = Intent(look=self._look, motion=motion, wants=frozenset({Want.TRACK}))
         return intent, self._blocked(situation, target.value)
 
@@ -49,8 +52,15 @@ class Track:
             return None
         return target
 
-    def _follow_with_head(self, target: Range) -> HeadPose:
-        x, y, z = target.position
+    def _place_now(self, situation: Situation, target: Timed[Range]) -> tuple[float, float]:
+        """The target in the robot's present frame: what was seen some ticks ago, less what the base moved since."""
+        place = situation.percepts.place
+        if place is None or place.at != target.at:
+            return target.value.position[0], target.value.position[1]
+        local = situation.odometry.pose.to_local(np.array([place.value]))[0]
+        return float(local[0]), float(local[1])
+
+    def _follow_with_head(self, x: float, y: float, z: float) -> HeadPose:
         pan = pan_towards(x, y, self._behaviour)
         reach = max(math.hypot(x - self._behaviour.head_forward, y), 0.1)
         down = math.atan2(self._behaviour.head_height - z, reach)

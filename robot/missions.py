@@ -1,0 +1,165 @@
+"""What the commands do: run scenes, print tables, leave records."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import re
+import sys
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from robot import model_file, taught
+from robot.errors import UserError
+from robot.run_recorded import SimJob, run_recorded
+from robot.run_sim import SimOptions
+from robot.sim.scene import Scene, load_scene, shipped_scenes
+from robot.sim.world import InjectedFault
+
+RUNS = Path("runs")
+DONE, FAILED = 0, 1
+GOOD_SHARE = 0.8  # of its seeds a scene must succeed with
+
+
+def demo(seed: int, video: bool) -> int:
+    """The whole robot in one mission, with pictures; a plain sentence at the end."""
+    console = Console(stderr=True)
+    job = _job(load_scene("demo"), "demo", seed, SimOptions(), video, None, console)
+    report = next(_run_all([job], 1, console))
+    _print_outcome(report, console)
+    return DONE if report["success"] else FAILED
+
+
+def run_sim(
+    scene: str, seeds: Sequence[int], jobs: int, as_json: bool, video: bool, slow: float, faults: Sequence[str],
+    config: Path | None,
+) -> int:
+    """Run scenes with seeds; a table for people, JSON for programs."""
+    console = Console(stderr=True)
+    names = shipped_scenes() if scene == "all" else (scene,)
+    options = SimOptions(slow, tuple(parse_fault(text) for text in faults))
+    work = [
+        _job(load_scene(name), name, seed, options, video, config, console) for name in names for seed in seeds
+    ]
+    reports = list(_run_all(work, jobs, console))
+    if as_json:
+        json.dump(reports[0] if len(reports) == 1 else {"runs": reports}, sys.stdout, indent=2)
+        print()
+    if len(reports) == 1:
+        _print_outcome(reports[0], console)
+        return DONE if reports[0]["success"] else FAILED
+    good = _print_table(names, reports, console)
+    return DONE if good else FAILED
+
+
+def parse_fault(text: str) -> InjectedFault:
+    """A fault to inject from 'device.kind@time[:duration]'. Raises UserError."""
+    match = re.fullmatch(r"(\w+)\.(\w+)@([\d.]+)(?::([\d.]+))?", text)
+    if match is None:
+        raise UserError(f"--fault {text!r}: write DEVICE.KIND@TIME[:DURATION], e.g. camera.black@5:2")
+    device, kind, at, duration = match.groups()
+    try:
+        return InjectedFault(device, kind, float(at), float(duration) if duration else None)
+    except ValueError as error:
+        raise UserError(f"--fault {text!r}: {error}") from None
+
+
+def _job(
+    scene: Scene, name: str, seed: int, options: SimOptions, video: bool, config: Path | None, console: Console
+) -> SimJob:
+    return SimJob(name, seed, taught.model_for(scene.taught_object, console), options, video, config)
+
+
+def _run_all(work: Sequence[SimJob], jobs: int, console: Console) -> Iterator[dict[str, Any]]:
+    """Reports in the order of the work, with a progress bar on standard error."""
+    started = datetime.now()
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[words]}"), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True) as progress:
+        if len(work) == 1:
+            bar = progress.add_task(f"{work[0].scene}, seed {work[0].seed}", total=1.0, words="")
+            yield run_recorded(
+                work[0], RUNS, started, lambda share, words: progress.update(bar, completed=share, words=words)
+            )
+            return
+        bar = progress.add_task("runs", total=len(work), words="")
+        context = multiprocessing.get_context("spawn")  # each run its own process: no shared OpenGL context
+        with ProcessPoolExecutor(jobs, mp_context=context) as pool:
+            futures: list[Future[dict[str, Any]]] = [
+                pool.submit(run_recorded, job, RUNS, started, None) for job in work
+            ]
+            for future in as_completed(futures):
+                report = future.result()
+                verdict = "done" if report["success"] else "failed"
+                words = f"{report['scene']} seed {report['seed']}: {verdict}"
+                progress.update(bar, advance=1, words=words)
+        for future in futures:
+            yield future.result()
+
+
+def _print_outcome(report: dict[str, Any], console: Console) -> None:
+    verdict = "[green]Mission done[/]" if report["success"] else "[red]Mission failed[/]"
+    console.print(f"{verdict}: {report['reason']}")
+    console.print(f"Report, events, video and trajectory: {report['folder']} (also {RUNS}/latest)")
+
+
+def _print_table(names: Sequence[str], reports: Sequence[dict[str, Any]], console: Console) -> bool:
+    """One row a scene; True if all scenes are good and nothing collided."""
+    table = Table(
+        "scene", "done", "found s", "range error", "in view", "at distance", "SPL", "collisions", "clearance m",
+        "false", "why not",
+    )
+    all_good = True
+    for name in names:
+        rows = [report for report in reports if report["scene"] == load_scene(name).name]
+        done = sum(bool(report["success"]) for report in rows)
+        good = done >= GOOD_SHARE * len(rows)
+        all_good &= good and not any(report["collisions"] for report in rows)
+        why = "; ".join(dict.fromkeys(f"{r['seed']}: {r['reason']}" for r in rows if not r["success"]))
+        table.add_row(
+            name, f"[{'green' if good else 'red'}]{done}/{len(rows)}[/]", _median(rows, "found_s", 1),
+            _median(rows, "range_error_median", 3), _median(rows, "in_view", 2), _median(rows, "at_distance", 2),
+            _median(rows, "spl", 2), str(sum(r["collisions"] for r in rows)), _least(rows, "clearance_min"),
+            str(sum(r["false_detections"] for r in rows)), why,
+        )
+    console.print(table)
+    return all_good
+
+
+def _median(rows: Sequence[dict[str, Any]], key: str, decimals: int) -> str:
+    values = sorted(row[key] for row in rows if row.get(key) is not None)
+    return f"{values[len(values) // 2]:.{decimals}f}" if values else "-"
+
+
+def _least(rows: Sequence[dict[str, Any]], key: str) -> str:
+    values = [row[key] for row in rows if row.get(key) is not None]
+    return f"{min(values):.2f}" if values else "-"
+
+
+def teach_target(source: str, name: str, box: str | None, out: Path | None, seed: int) -> int:
+    """Teach a target from a folder, a video or a simulated studio; writes the model and its contact sheet."""
+    import cv2
+
+    console = Console(stderr=True)
+    path = Path(source)
+    if path.is_dir() or (path.is_file() and path.suffix != ".toml"):
+        lesson = taught.from_pictures(name, path, taught.parse_box(box) if box else None, seed, console)
+    else:
+        load_scene(source)  # a clear error for what is neither folder, video nor scene
+        lesson = taught.from_studio(name, source, seed, console)
+    out = out or taught.FOLDER / f"{name}.model"
+    out.parent.mkdir(parents=True, exist_ok=True)
+    model_file.save(out, lesson.model)
+    sheet = out.with_suffix(".png")
+    cv2.imwrite(str(sheet), lesson.contact_sheet)
+    console.print(f"{name}: {lesson.summary}")
+    for warning in lesson.warnings:
+        console.print(f"[yellow]mind:[/] {warning}")
+    console.print(f"model {out}, contact sheet {sheet}")
+    return DONE

@@ -1,0 +1,114 @@
+"""One simulated run with its record: events, report, trajectory and, if wanted, the video."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robot import __version__, model_file
+from robot.app import head_mount, nominal_rig
+from robot.config import Config, load
+from robot.messages import Tick
+from robot.record.annotate import annotate_tick, annotated_size
+from robot.record.recorder import Recorder
+from robot.record.run_folder import RunFolder
+from robot.record.trajectory import Outline, Scenery, plot_trajectory
+from robot.record.video import VideoWriter
+from robot.run_sim import SimOptions, SimRun
+from robot.sim.scene import load_scene
+
+Progress = Callable[[float, str], None]
+VIDEO_EVERY = 2  # ticks: 12.5 pictures a second are enough to watch
+
+
+@dataclass(frozen=True, slots=True)
+class SimJob:
+    """One simulated run to make; picklable, so that it can be made in another process."""
+
+    scene: str
+    seed: int
+    model: Path
+    options: SimOptions = field(default_factory=SimOptions)
+    video: bool = False
+    config: Path | None = None
+
+
+def run_recorded(job: SimJob, root: Path, started: datetime, progress: Progress | None) -> dict[str, Any]:
+    """Make the run and leave its folder; returns the report."""
+    scene = load_scene(job.scene)
+    config = load(job.config) if job.config is not None else Config()
+    folder = RunFolder.create(root, started)
+    recorder, video = _recorder(folder, config, job.video, scene.taught_object)
+    run = SimRun(scene, job.seed, model_file.load(job.model).recognizer, config, job.options, [recorder])
+    wall: list[float] = []
+    try:
+        while not run.done:
+            start = time.perf_counter()
+            tick = run.step()
+            wall.append(time.perf_counter() - start)
+            if progress is not None and len(wall) % 25 == 0:
+                progress(tick.now / scene.duration_s, f"{tick.now:.0f} s: {tick.state}")
+        report = run.referee.report() | {
+            "tick_ms": {"median": _ms(wall, 50), "p99": _ms(wall, 99)},
+            "version": __version__,
+            "folder": str(folder.path),
+        }
+        _plot(folder, run, recorder, f"{job.scene}, seed {job.seed}: {report['reason']}")
+    finally:
+        run.close()
+        if video is not None:
+            video.close()
+        folder.close()
+    folder.write_report(report)
+    return report | folder.recording.summary()
+
+
+def _recorder(folder: RunFolder, config: Config, with_video: bool, label: str) -> tuple[Recorder, VideoWriter | None]:
+    if not with_video:
+        return Recorder(folder.open_events(), None, label), None
+    rig, mount = nominal_rig(config), head_mount(config)
+    video = VideoWriter(folder.video_path, annotated_size(rig), config.cameras.rate_hz / VIDEO_EVERY, folder.recording)
+
+    def show(tick: Tick) -> None:
+        if tick.view is not None and tick.view.frame.seq % VIDEO_EVERY == 0:
+            picture = annotate_tick(tick, rig, mount)
+            if picture is not None:
+                video.write(picture, tick.now)
+
+    return Recorder(folder.open_events(), show, label), video
+
+
+def _ms(seconds: list[float], percentile: float) -> float:
+    return round(1e3 * float(np.percentile(seconds, percentile)), 2) if seconds else 0.0
+
+
+def _plot(folder: RunFolder, run: SimRun, recorder: Recorder, title: str) -> None:
+    """trajectory.png, in the room's frame; a disk that is full ends the record, not the run."""
+    true = run.referee.scenery()
+    way = recorder.way
+    start = true.path_true[0] if true.path_true else (0.0, 0.0, 0.0)
+    changes = [(way[0].now, way[0].state)] if way else []
+    changes += [(b.now, b.state) for a, b in zip(way, way[1:], strict=False) if a.state != b.state]
+    scenery = Scenery(
+        room=true.room,
+        path_true=true.path_true,
+        target_path=true.target_path,
+        obstacles=tuple(Outline(o.name, o.points, o.low) for o in true.obstacles),
+        state_changes=tuple(changes),
+        detours=tuple(_detours(changes, way[-1].now if way else 0.0)),
+    )
+    del start
+    with folder.recording.guarded(way[-1].now if way else 0.0):
+        plot_trajectory(folder.trajectory_path, scenery, title)
+
+
+def _detours(changes: list[tuple[float, str]], end: float) -> list[tuple[float, float]]:
+    """The times in AVOID."""
+    ends = [at for at, _ in changes[1:]] + [end]
+    return [(at, until) for (at, state), until in zip(changes, ends, strict=True) if state == "avoid"]

@@ -1,0 +1,204 @@
+"""How a recognizer learns: views grouped by shape, two view spaces a group, a threshold from negatives.
+
+The threshold is learnt on evidence of the kind the robot meets: views that were held out, put before
+other backgrounds under other light, against the best-looking windows of pictures without the target and
+against look-alikes (the target's own shape with another print).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from robot.messages import Box, Image
+from robot.vision.colour import ColourSums
+from robot.vision.nmf import EUCLIDEAN, Matrix, Objective, largest_rank
+from robot.vision.recognizer import AspectGroup, Evidence, Judge, Recognizer
+from robot.vision.viewspace import ViewSpace, window_size
+from robot.vision.windows import grey_of
+
+COARSE_PIXELS = 88
+FINE_PIXELS = 560
+COARSE_RANK = 12
+FINE_RANK = 24
+MOST_GROUPS = 3
+# Views whose shapes differ by more than this factor are not stretched into one window.
+GROUP_SPREAD = 1.35
+FEWEST_VIEWS = 4
+_FOLDS = 3
+_SMALLEST_NEGATIVE_PX = 64
+# The median held-out view gets this score, whatever the target.
+_TYPICAL_SCORE = 0.9
+
+
+def fit(
+    views: Sequence[Image],
+    negatives: Sequence[Image],
+    label: str,
+    seed: int,
+    objective: Objective = EUCLIDEAN,
+) -> Recognizer:
+    """See `Recognizer.fit`. objective: what the factorisations minimise."""
+    if len(views) < FEWEST_VIEWS:
+        raise ValueError(f"at least {FEWEST_VIEWS} views are needed, got {len(views)}")
+    usable = [picture for picture in negatives if min(picture.shape[:2]) >= _SMALLEST_NEGATIVE_PX]
+    rng = np.random.default_rng(seed)
+    recognizer = _unjudged(views, label, seed, objective)
+    positives = _held_out_evidence(views, usable, label, seed, objective, rng)
+    against = [place.evidence for picture in usable for place in recognizer.candidates(picture)]
+    against += [_evidence_in_scene(recognizer, look_alike(view, rng), usable, rng) for view in views]
+    return Recognizer(label, recognizer.groups, learn_judge(positives, against))
+
+
+def _unjudged(views: Sequence[Image], label: str, seed: int, objective: Objective) -> Recognizer:
+    groups = tuple(
+        _learn_group([views[i] for i in members], seed, objective) for members in shape_groups(views)
+    )
+    return Recognizer(label, groups, Judge((1.0, 1.0, 1.0), 0.0))
+
+
+def shape_groups(views: Sequence[Image]) -> list[list[int]]:
+    """Indices of views gathered by width/height: up to three groups, none empty, in order of shape."""
+    aspects = np.log([view.shape[1] / view.shape[0] for view in views])
+    low, high = float(aspects.min()), float(aspects.max())
+    count = min(MOST_GROUPS, max(1, int(np.ceil((high - low) / np.log(GROUP_SPREAD)))))
+    bins = np.minimum(((aspects - low) / max(high - low, 1e-9) * count).astype(int), count - 1)
+    return [members for b in range(count) if (members := [int(i) for i in np.nonzero(bins == b)[0]])]
+
+
+def _learn_group(views: Sequence[Image], seed: int, objective: Objective) -> AspectGroup:
+    aspect = float(np.exp(np.mean(np.log([view.shape[1] / view.shape[0] for view in views]))))
+    greys = [grey_of(view) for view in views]
+    sizes = window_size(aspect, COARSE_PIXELS), window_size(aspect, FINE_PIXELS)
+    ranks = (
+        min(rank, largest_rank(w * h, len(views)))
+        for (w, h), rank in zip(sizes, (COARSE_RANK, FINE_RANK), strict=True)
+    )
+    coarse, fine = (
+        ViewSpace.learn(greys, size, rank, seed, objective) for size, rank in zip(sizes, ranks, strict=True)
+    )
+    whole = [np.array([[0.0, 0.0, view.shape[1], view.shape[0]]]) for view in views]
+    layouts = [ColourSums(view).layouts(box) for view, box in zip(views, whole, strict=True)]
+    return AspectGroup(aspect, coarse, fine, np.concatenate(layouts))
+
+
+# ------------------------------------------------------------------------------------------- evidence
+
+
+def _held_out_evidence(
+    views: Sequence[Image],
+    backgrounds: Sequence[Image],
+    label: str,
+    seed: int,
+    objective: Objective,
+    rng: np.random.Generator,
+) -> list[Evidence]:
+    """Evidence for views as seen by recognizers that did not learn from them, two scenes a view."""
+    folds = np.arange(len(views)) % _FOLDS
+    evidence: list[Evidence] = []
+    for fold in range(_FOLDS):
+        taught = _unjudged(
+            [v for v, f in zip(views, folds, strict=True) if f != fold], label, seed, objective
+        )
+        held = [v for v, f in zip(views, folds, strict=True) if f == fold]
+        evidence += [_evidence_in_scene(taught, view, backgrounds, rng) for view in held for _ in range(2)]
+    return evidence
+
+
+def _evidence_in_scene(
+    recognizer: Recognizer, view: Image, backgrounds: Sequence[Image], rng: np.random.Generator
+) -> Evidence:
+    picture, box = scene_with(view, backgrounds, rng)
+    return recognizer.locate(picture, box).evidence
+
+
+def scene_with(view: Image, backgrounds: Sequence[Image], rng: np.random.Generator) -> tuple[Image, Box]:
+    """A picture of the view at a random size before a random background, in random light, and its box."""
+    height = int(rng.integers(20, 110))
+    width = max(8, round(height * view.shape[1] / view.shape[0]))
+    # Beyond its own pixels a view would only be blown up.
+    if height > view.shape[0]:
+        height, width = view.shape[:2]
+    small = cv2.resize(view, (width, height), interpolation=cv2.INTER_AREA)
+    frame = _background(backgrounds, 2 * width, 2 * height, rng)
+    x, y = width // 2, height // 2
+    frame[y : y + height, x : x + width] = small
+    return in_other_light(frame, rng), Box(x, y, width, height)
+
+
+def _background(backgrounds: Sequence[Image], width: int, height: int, rng: np.random.Generator) -> Image:
+    if not backgrounds:
+        return np.full((height, width, 3), int(rng.integers(30, 220)), np.uint8)
+    picture = backgrounds[int(rng.integers(len(backgrounds)))]
+    scale = max(width / picture.shape[1], height / picture.shape[0], float(rng.uniform(0.3, 1.0)))
+    columns, rows = max(width, round(scale * picture.shape[1])), max(height, round(scale * picture.shape[0]))
+    sized = cv2.resize(picture, (columns, rows), interpolation=cv2.INTER_AREA)
+    x, y = int(rng.integers(columns - width + 1)), int(rng.integers(rows - height + 1))
+    return np.array(sized[y : y + height, x : x + width], np.uint8)
+
+
+def in_other_light(image: Image, rng: np.random.Generator) -> Image:
+    """The picture as a camera might see it on another day: gain, response curve, blur and noise drawn."""
+    light = np.asarray(image, np.float64) / 255.0
+    light = np.power(light, rng.uniform(0.8, 1.25)) * rng.uniform(0.25, 1.05)
+    blur = float(rng.uniform(0.0, 0.8))
+    if blur > 0.3:
+        light = np.asarray(cv2.GaussianBlur(light, (0, 0), blur), np.float64)
+    noise = np.sqrt(0.0004 * light + 0.00004) * rng.standard_normal(light.shape)
+    return np.clip(255.0 * (light + noise) + 0.5, 0, 255).astype(np.uint8)
+
+
+def look_alike(view: Image, rng: np.random.Generator) -> Image:
+    """The target's shape with another print: the middle turned upside down, or its hues turned."""
+    other = view.copy()
+    if rng.random() < 0.5:
+        hsv = cv2.cvtColor(other, cv2.COLOR_BGR2HSV)
+        hsv[..., 0] = (hsv[..., 0].astype(int) + int(rng.integers(40, 141))) % 180
+        return np.asarray(cv2.cvtColor(hsv, cv2.COLOR_HSV2BGR), np.uint8)
+    rows, columns = view.shape[0] // 8, view.shape[1] // 8
+    middle = np.s_[rows : view.shape[0] - rows, columns : view.shape[1] - columns]
+    other[middle] = view[middle][::-1, ::-1]
+    return other
+
+
+# ------------------------------------------------------------------------------------------ threshold
+
+
+def learn_judge(positives: Sequence[Evidence], negatives: Sequence[Evidence]) -> Judge:
+    """Weights and threshold that separate two sets of evidence; no evidence ever counts against the target.
+
+    Logistic regression with weights >= 0, both sets counting equally. The threshold (score 0.5) lies
+    halfway between the 99.9 % quantile of the negatives and the 5 % quantile of the positives where they
+    are apart, else at the negatives' quantile: a look-alike is worse than a second look.
+    """
+    good = np.asarray(positives, np.float64).reshape(-1, 3)
+    bad = np.asarray(negatives, np.float64).reshape(-1, 3)
+    if not len(bad):
+        bad = np.zeros((1, 3))
+    weights = _separating_weights(good, bad)
+    poorest, typical = (float(q) for q in np.quantile(good @ weights, (0.05, 0.5)))
+    against = float(np.quantile(bad @ weights, 0.999))
+    threshold = against + max(poorest - against, 0.0) / 2.0
+    slope = np.log(_TYPICAL_SCORE / (1 - _TYPICAL_SCORE)) / max(typical - threshold, 0.02)
+    first, second, third = (float(slope * weight) for weight in weights)
+    return Judge((first, second, third), float(-slope * threshold))
+
+
+def _separating_weights(good: Matrix, bad: Matrix, rounds: int = 400) -> NDArray[np.float64]:
+    """Non-negative weights of length 1 by projected gradient descent on the balanced logistic loss."""
+    everything = np.concatenate([good, bad])
+    centre, spread = everything.mean(axis=0), everything.std(axis=0) + 1e-3
+    x = (everything - centre) / spread
+    y = np.concatenate([np.ones(len(good)), np.zeros(len(bad))])
+    share = np.concatenate([np.full(len(good), 0.5 / len(good)), np.full(len(bad), 0.5 / len(bad))])
+    weights, bias = np.ones(3), 0.0
+    for _ in range(rounds):
+        error = share * (1.0 / (1.0 + np.exp(-np.clip(x @ weights + bias, -30, 30))) - y)
+        weights = np.maximum(weights - 2.0 * (x.T @ error + 0.002 * weights), 0.0)
+        bias -= 2.0 * float(error.sum())
+    scaled = weights / spread
+    length = float(np.linalg.norm(scaled))
+    return np.asarray(scaled / length if length > 0 else np.full(3, 3**-0.5))

@@ -1,0 +1,145 @@
+"""The template tracker: motion, size, light, loss and return, drift."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from robot.messages import Box
+from robot.vision.textures import texture
+from robot.vision.tracker import TemplateTracker
+
+WALL = texture((352, 288), np.random.default_rng(1))
+PRINT = texture((120, 160), np.random.default_rng(2))
+
+
+def frame(u: float, v: float, height: float, gain: float = 1.0, noise_seed: int | None = None) -> np.ndarray:
+    """The print, `height` px tall with its centre at (u, v), before a wall."""
+    s = height / PRINT.shape[0]
+    k = max(1, round(1 / s))
+    small = cv2.resize(PRINT, None, fx=1 / k, fy=1 / k, interpolation=cv2.INTER_AREA)
+    s *= k
+    matrix = np.float32([[s, 0, u - s * small.shape[1] / 2], [0, s, v - s * small.shape[0] / 2]])
+    picture = cv2.warpAffine(small, matrix, (352, 288), WALL.copy(), borderMode=cv2.BORDER_TRANSPARENT)
+    light = gain * picture.astype(float)
+    if noise_seed is not None:
+        light += np.random.default_rng(noise_seed).normal(0, 4, light.shape)
+    return np.clip(light, 0, 255).astype(np.uint8)
+
+
+def box(u: float, v: float, height: float) -> Box:
+    width = height * PRINT.shape[1] / PRINT.shape[0]
+    return Box(u - width / 2, v - height / 2, width, height)
+
+
+def test_a_moving_growing_target_in_changing_light_is_followed() -> None:
+    tracker = TemplateTracker()
+    tracker.start(frame(100, 140, 50), box(100, 140, 50))
+    for k in range(1, 60):
+        u, v, height = 100 + 2.5 * k, 140 + 30 * np.sin(k / 8), 50 * 1.01**k
+        track = tracker.update(frame(u, v, height, gain=1 - 0.008 * k, noise_seed=k), scale=1.01)
+        assert not track.lost
+        assert track.box.iou(box(u, v, height)) > 0.75
+    assert track.velocity_px[0] == pytest.approx(2.5, abs=1.5)
+
+
+def test_growth_that_nobody_announced_is_noticed() -> None:
+    tracker = TemplateTracker()
+    tracker.start(frame(170, 140, 60), box(170, 140, 60))
+    for k in range(1, 41):
+        track = tracker.update(frame(170, 140, 60 * 1.01**k))
+    assert track.box.iou(box(170, 140, 60 * 1.01**40)) > 0.75
+
+
+@pytest.mark.parametrize("jump", [(25, 0), (-25, 6), (12, -22)])
+def test_a_jump_of_25_px_is_caught_without_any_hint(jump: tuple[int, int]) -> None:
+    tracker = TemplateTracker()
+    tracker.start(frame(170, 140, 60), box(170, 140, 60))
+    track = tracker.update(frame(170 + jump[0], 140 + jump[1], 60))
+    assert not track.lost
+    assert track.box.iou(box(170 + jump[0], 140 + jump[1], 60)) > 0.85
+
+
+def test_the_heads_own_motion_is_no_motion_of_the_target() -> None:
+    tracker = TemplateTracker()
+    tracker.start(frame(100, 140, 60), box(100, 140, 60))
+    track = tracker.update(frame(175, 150, 60), shift=(75.0, 10.0))
+    assert not track.lost
+    assert track.box.iou(box(175, 150, 60)) > 0.9
+    assert np.hypot(*track.velocity_px) < 1.0
+
+
+def test_a_vanished_target_is_lost_and_found_again_where_it_returns() -> None:
+    tracker = TemplateTracker()
+    tracker.start(frame(170, 140, 60), box(170, 140, 60))
+    for _ in range(5):
+        gone = tracker.update(WALL)
+        assert gone.lost
+        assert gone.velocity_px == (0.0, 0.0)
+    back = tracker.update(frame(180, 140, 60))
+    assert not back.lost
+    assert back.box.iou(box(180, 140, 60)) > 0.8
+
+
+def test_a_still_target_does_not_drift_through_noise() -> None:
+    tracker = TemplateTracker()
+    tracker.start(frame(170.4, 139.7, 55), box(170.4, 139.7, 55))
+    for k in range(100):
+        track = tracker.update(frame(170.4, 139.7, 55, noise_seed=k))
+    (u, v), (true_u, true_v) = track.box.centre, (170.4, 139.7)
+    assert np.hypot(u - true_u, v - true_v) < 1.5
+    assert abs(track.box.h / 55 - 1) < 0.1
+
+
+def test_a_look_that_changes_slowly_is_learnt() -> None:
+    other = texture((352, 288), np.random.default_rng(5))
+    tracker = TemplateTracker()
+    tracker.start(frame(170, 140, 80), box(170, 140, 80))
+    patch = np.s_[100:180, 140:200]
+    for k in range(60):
+        picture = frame(170, 140, 80)
+        share = k / 59
+        picture[patch] = ((1 - share) * picture[patch] + share * other[patch]).astype(np.uint8)
+        track = tracker.update(picture)
+    assert not track.lost
+    assert track.box.iou(box(170, 140, 80)) > 0.7
+
+
+def test_reanchor_takes_the_confirmed_place() -> None:
+    tracker = TemplateTracker()
+    tracker.start(frame(100, 140, 60), box(100, 140, 60))
+    picture = frame(250, 120, 40)
+    tracker.reanchor(picture, box(250, 120, 40))
+    track = tracker.update(picture)
+    assert not track.lost
+    assert track.box.iou(box(250, 120, 40)) > 0.9
+
+
+def test_a_target_leaving_the_picture_is_followed_and_then_lost() -> None:
+    tracker = TemplateTracker()
+    tracker.start(frame(290, 140, 60), box(290, 140, 60))
+    lost = []
+    for k in range(1, 30):
+        lost.append(tracker.update(frame(290 + 4 * k, 140, 60)).lost)
+    assert not any(lost[:10])
+    assert lost[-1]
+
+
+def test_the_same_frames_give_the_same_track() -> None:
+    def run() -> list:
+        tracker = TemplateTracker()
+        tracker.start(frame(100, 140, 60), box(100, 140, 60))
+        return [tracker.update(frame(100 + 3 * k, 140, 60, noise_seed=k)) for k in range(8)]
+
+    assert run() == run()
+
+
+def test_misuse_is_refused() -> None:
+    tracker = TemplateTracker()
+    with pytest.raises(RuntimeError, match="start"):
+        tracker.update(WALL)
+    with pytest.raises(ValueError, match="6 px"):
+        tracker.start(WALL, Box(100, 100, 3, 3))
+    with pytest.raises(ValueError, match="6 px"):
+        tracker.start(WALL, Box(400, 100, 30, 30))
