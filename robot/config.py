@@ -20,9 +20,9 @@ def _doc(words: str, **bounds: Any) -> Meta:
 class Cameras(Struct, frozen=True, forbid_unknown_fields=True):
     """The two eyes."""
 
-    driver: Annotated[str, _doc("mock | v4l2 | folder", pattern="^(mock|v4l2|folder)$")] = "mock"
-    left: Annotated[str, _doc("device or folder of the left eye, e.g. /dev/v4l/by-path/...")] = ""
-    right: Annotated[str, _doc("device or folder of the right eye")] = ""
+    driver: Annotated[str, _doc("what delivers the pictures", pattern="^(mock|folder)$")] = "mock"
+    left: Annotated[str, _doc("folder of the left eye's pictures")] = ""
+    right: Annotated[str, _doc("folder of the right eye's pictures; empty: left_* and right_* in one folder")] = ""
     calibration: Annotated[str, _doc("calibration file of the pair; empty: the nominal figures below")] = ""
     width_px: Annotated[int, _doc("picture width", ge=64, le=4096)] = 352
     height_px: Annotated[int, _doc("picture height", ge=48, le=4096)] = 288
@@ -34,7 +34,7 @@ class Cameras(Struct, frozen=True, forbid_unknown_fields=True):
 class Head(Struct, frozen=True, forbid_unknown_fields=True):
     """The pan-tilt head and where it sits."""
 
-    driver: Annotated[str, _doc("mock | none", pattern="^(mock|none)$")] = "mock"
+    driver: Annotated[str, _doc("what stands behind it", pattern="^(mock|none)$")] = "mock"
     forward_m: Annotated[float, _doc("pan axis ahead of the axle", ge=-1.0, le=1.0)] = 0.06
     height_m: Annotated[float, _doc("tilt axis above the floor", ge=0.02, le=3.0)] = 0.25
     eye_forward_m: Annotated[float, _doc("lenses ahead of the axes", ge=-0.2, le=0.2)] = 0.02
@@ -47,7 +47,7 @@ class Head(Struct, frozen=True, forbid_unknown_fields=True):
 class LampSettings(Struct, frozen=True, forbid_unknown_fields=True):
     """The LED lamp."""
 
-    driver: Annotated[str, _doc("mock | none", pattern="^(mock|none)$")] = "mock"
+    driver: Annotated[str, _doc("what stands behind it", pattern="^(mock|none)$")] = "mock"
     on_below: Annotated[float, _doc("mean picture brightness that switches it on", ge=0.0, le=255.0)] = 45.0
     off_above: Annotated[float, _doc("mean brightness that switches it off again", ge=0.0, le=255.0)] = 110.0
 
@@ -55,11 +55,12 @@ class LampSettings(Struct, frozen=True, forbid_unknown_fields=True):
 class Base(Struct, frozen=True, forbid_unknown_fields=True):
     """The drive base."""
 
-    driver: Annotated[str, _doc("mock | nxt-usb | nxt-serial | none", pattern="^(mock|nxt-usb|nxt-serial|none)$")] = "mock"
+    driver: Annotated[str, _doc("what stands behind it", pattern="^(mock|nxt-usb|nxt-serial|none)$")] = "mock"
     port: Annotated[str, _doc("serial port of nxt-serial, e.g. /dev/rfcomm0")] = ""
     brick: Annotated[str, _doc("USB serial number of the brick; empty: the only one there")] = ""
     left_motor: Annotated[str, _doc("brick port of the left wheel", pattern="^[ABC]$")] = "B"
     right_motor: Annotated[str, _doc("brick port of the right wheel", pattern="^[ABC]$")] = "C"
+    motors_reversed: Annotated[bool, _doc("true if the motors are mounted to run backwards")] = False
     wheel_radius_m: Annotated[float, _doc("radius of the driven wheels", ge=0.005, le=0.5)] = 0.028
     track_width_m: Annotated[float, _doc("distance between the wheels' contact points", ge=0.02, le=2.0)] = 0.15
     radius_m: Annotated[float, _doc("radius of the smallest circle about the axle's middle that holds the body", ge=0.02, le=2.0)] = 0.13
@@ -73,13 +74,13 @@ class Base(Struct, frozen=True, forbid_unknown_fields=True):
 class ArmSettings(Struct, frozen=True, forbid_unknown_fields=True):
     """The robot arm."""
 
-    driver: Annotated[str, _doc("mock | none", pattern="^(mock|none)$")] = "none"
+    driver: Annotated[str, _doc("what stands behind it", pattern="^(mock|none)$")] = "none"
 
 
 class TeleopSettings(Struct, frozen=True, forbid_unknown_fields=True):
     """The person at the stick."""
 
-    driver: Annotated[str, _doc("mock | none", pattern="^(mock|none)$")] = "none"
+    driver: Annotated[str, _doc("what stands behind it", pattern="^(mock|none)$")] = "none"
     timeout_s: Annotated[float, _doc("silence after which the robot stops", ge=0.1, le=0.5)] = 0.4
     blind_speed_m_s: Annotated[float, _doc("top speed without working vision", ge=0.0, le=0.2)] = 0.08
 

@@ -47,7 +47,7 @@ TABLE: dict[str, Row] = {
     "base.stall": Row(Action.STOP, 0.4, "a wheel is commanded but does not turn: free it; pull the power if it hums"),
     "base.battery_low": Row(Action.CARRY_ON, 15.0, "the base's battery is low: charge it soon"),
     "base.battery_empty": Row(Action.HALT, 15.0, "the base's battery is empty: charge it"),
-    "base.refused": Row(Action.STOP, 0.3, "the brick refuses commands: restart it, check its firmware (1.28 or newer)"),
+    "base.refused": Row(Action.STOP, 0.3, "the brick refuses commands: restart it, check its firmware (1.29 or newer)"),
     "arm.link": Row(Action.STOP, 0.5, "the arm's controller does not answer: check its cable and address"),
     "arm.fault": Row(Action.HALT, 0.5, "the arm's controller reports a fault: look at its panel and reset it"),
     "arm.stopped": Row(Action.HALT, 0.5, "the arm's protective or emergency stop is active: release it"),

@@ -10,9 +10,11 @@ import msgspec
 from robot.app import build_loop, build_perception, nominal_rig, stepped_worker
 from robot.clock import SteppedClock
 from robot.config import Config
+from robot.hal.factory import nxt_settings
 from robot.hal.links import MemoryLink
 from robot.hal.nxt.base import NxtBase
 from robot.hal.nxt.brick import Brick
+from robot.hal.nxt.settings import USB
 from robot.loop import Devices, Loop
 from robot.messages import Box, Tick
 from robot.perception import Perception
@@ -113,7 +115,7 @@ class SimRun:
 
 def open_simulated(world: World, config: Config) -> Devices:
     """The world's devices; the base through the real NXT driver and the emulated brick."""
-    base = NxtBase(Brick(MemoryLink(world.brick.handle)))
+    base = NxtBase(Brick(MemoryLink(world.brick.handle)), nxt_settings(config.base, USB))
     return Devices(world.camera, world.head, world.lamp, base)
 
 

@@ -160,7 +160,9 @@ def nxt_settings(settings: Base, transport: NxtSettings) -> NxtSettings:
     return replace(
         transport,
         wheels=Wheels(settings.wheel_radius_m, settings.track_width_m),
-        wheel=replace(transport.wheel, pulse_s=settings.pulse_s),
+        wheel=replace(
+            transport.wheel, pulse_s=settings.pulse_s, forward=-1 if settings.motors_reversed else 1
+        ),
         speed_limit=settings.max_speed_m_s,
         turn_limit=math.radians(settings.max_turn_deg_s),
         left_port=Port[settings.left_motor],

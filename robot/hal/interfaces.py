@@ -98,7 +98,7 @@ class ArmState:
 
 @runtime_checkable
 class Arm(Device, Protocol):
-    """A six-axis arm behind its own controller, which plans the motion."""
+    """A six-axis arm behind its own controller, which plans the motion. Command number 0: not accepted."""
 
     def enable(self, now: float) -> None:
         """Switch the drives on."""

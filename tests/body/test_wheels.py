@@ -239,12 +239,12 @@ def test_a_path_without_points_or_length_stands_still() -> None:
 def test_a_new_path_begins_at_its_start() -> None:
     there, back = ((0.0, 0.0), (1.0, 0.0)), ((1.0, 0.0), (0.0, 0.0))
     state = WheelsState()
-    for x in (0.0, 0.5, 0.98):
+    for x in (0.0, 0.3, 0.6, 0.9, 0.98):
         state, _ = step(SETTINGS, state, Intent(motion=Follow(there)), Odometry(Pose2(x, 0.0)), False, 0.0)
     _, sent = step(
         SETTINGS, state, Intent(motion=Follow(back)), Odometry(Pose2(1.0, 0.0, math.pi)), False, 0.1
     )
-    assert sent.twist.v > 0.0
+    assert sent.twist.v == pytest.approx(SETTINGS.cruise)
 
 
 # ------------------------------------------------------------------------------------------------ glance

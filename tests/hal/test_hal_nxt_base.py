@@ -148,6 +148,25 @@ def test_a_reversal_brakes_before_it_turns_round() -> None:
     assert [t[3] for t in bench.spy.telegrams if t[1] == 4][::2] == [0, 0]
 
 
+def test_a_base_that_ran_out_is_braked_when_the_host_still_reads() -> None:
+    bench = Bench()
+    bench.drive(Twist(v=0.2), 1.0)
+    assert bench.spy.powers[1] > 0
+    bench.drive(None, 0.4)
+    assert bench.spy.powers == [0, 0, 0]
+
+
+def test_after_a_lost_answer_the_target_is_set_anew() -> None:
+    bench = Bench()
+    bench.drive(Twist(v=0.2), 1.0)
+    bench.brick.silence_link()
+    bench.base.read(bench.now)  # what the brick got of it nobody knows
+    bench.brick.restore_link()
+    bench.spy.telegrams.clear()
+    bench.base.send(Twist(v=0.2), bench.now)
+    assert bench.spy.opcodes().count(0x21) == 2
+
+
 def test_a_third_motor_is_held_by_the_stop_too() -> None:
     bench = Bench()
     bench.base.stop(bench.now)
@@ -388,3 +407,17 @@ def test_same_brick_same_bytes() -> None:
         return bench.spy.telegrams
 
     assert run() == run()
+
+
+def test_opening_ends_a_program_that_would_drive_against_us() -> None:
+    bench = Bench(programs=frozenset({"Demo.rxe"}))
+    bench.brick.handle(b"\x80\x00" + b"Demo.rxe".ljust(20, b"\0"))
+    NxtBase(Brick(MemoryLink(bench.brick.handle)))
+    assert bench.brick.handle(b"\x00\x01") == bytes.fromhex("0201ec")  # none runs any more
+
+
+def test_opening_ends_with_the_motors_held() -> None:
+    # A zeroed motor floats, so the hold has to come after it.
+    opcodes = Bench().spy.opcodes()
+    assert opcodes.index(0x04) < opcodes.index(0x21)
+    assert 0x04 in opcodes[len(opcodes) - opcodes[::-1].index(0x21) :]
