@@ -12,9 +12,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from bench.report import Bar, arguments, publish
-from robot.missions import recognizer_for
 from robot.run_sim import SimRun
 from robot.sim.scene import load_scene
+from robot.taught import recognizer_for
 
 BANDS = ((0.5, 1.0), (1.0, 2.0), (2.0, 3.0))
 SCENES = ("standing", "moving", "post")
@@ -24,7 +24,7 @@ Sample = tuple[float, float, float]  # true, measured, sigma
 def samples(scene_name: str, seed: int) -> Iterator[Sample]:
     """True depth, measured depth and sigma of every range of one run."""
     scene = load_scene(scene_name)
-    run = SimRun(scene, seed, recognizer_for(scene))
+    run = SimRun(scene, seed, recognizer_for(scene.taught_object))
     last = -1.0
     seq_at: dict[float, int] = {}
     try:

@@ -14,9 +14,9 @@ import numpy as np
 
 from bench.report import Bar, arguments, publish
 from robot.clock import SteppedClock
-from robot.missions import recognizer_for
 from robot.run_sim import SimOptions, SimRun
 from robot.sim.scene import load_scene
+from robot.taught import recognizer_for
 from robot.workers import Job, Result, SteppedWorker, run
 
 
@@ -43,7 +43,7 @@ class ChargedWorker(SteppedWorker):
 def measure(scene_name: str, seed: int) -> dict[str, Any]:
     """Run one scene; wall times of the control tick without vision, ages at decision, shares of a core."""
     scene = load_scene(scene_name)
-    simulated = SimRun(scene, seed, recognizer_for(scene), SimOptions(), worker=(worker := ChargedWorker()))
+    simulated = SimRun(scene, seed, recognizer_for(scene.taught_object), worker=(worker := ChargedWorker()))
     ticks, track_ages, floor_ages = [], [], []
     try:
         while not simulated.done:
@@ -71,16 +71,16 @@ def measure(scene_name: str, seed: int) -> dict[str, Any]:
     }
 
 
-def slowed(scene_name: str, seed: int) -> tuple[bool, int]:
-    """Run with every stage three times slower: whether the run said so, and its collisions."""
+def slowed(scene_name: str, seed: int) -> tuple[bool, bool]:
+    """Run with every stage three times slower: whether the run said so, and whether it collided."""
     scene = load_scene(scene_name)
-    simulated = SimRun(scene, seed, recognizer_for(scene), SimOptions(slow=3.0))
+    simulated = SimRun(scene, seed, recognizer_for(scene.taught_object), options=SimOptions(slow=3.0))
     said = False
     try:
         while not simulated.done:
             tick = simulated.step()
             said |= any(fault.key == "vision.late" for fault in tick.faults)
-        return said, int(simulated.referee.report()["collisions"])
+        return said, bool(simulated.referee.report()["collisions"])
     finally:
         simulated.close()
 

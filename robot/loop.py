@@ -35,6 +35,7 @@ from robot.messages import (
     Want,
 )
 
+GLANCE_WITHIN = 0.5  # metres: unseen floor nearer than this is worth a look down
 AUTONOMOUS = ("search", "recognize", "range", "track", "avoid")
 
 
@@ -330,7 +331,9 @@ class Loop:
             self._settings.guard,
         )
         self._acted_at = now
-        self._blocked_by_unknown = bool(clearance) and clearance[0].limited_by == "unknown" and sent.limited_by is not None
+        self._blocked_by_unknown = sent.limited_by is not None and any(
+            way.limited_by == "unknown" and way.distance < GLANCE_WITHIN for way in clearance
+        )
         self._sent = self._send(sent, now)
         return self._sent
 

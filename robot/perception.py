@@ -37,6 +37,7 @@ from robot.workers import Job, Result, Worker
 STAGES = ("track", "free_space", "health", "ground", "recognize")
 ALWAYS = ("free_space", "health", "ground")
 CLEARANCE_RANGE = 1.5  # metres the guard looks ahead: farther than any stopping distance
+GRAZE_MARGIN = 0.02  # metres kept beside the body, a map cell's half
 FLOOR_MEMORY = 30.0  # seconds for which floor seen free stays known
 SEED_LIFE = 1.0  # seconds for which a detection may start a track
 BATCH_BUDGET = 0.039  # a batch takes no longer than one control tick, or the next frame's track comes late
@@ -144,7 +145,9 @@ class Perception:
 
     def clearance(self, pose: Pose2, twist: Twist, now: float) -> Clearance:
         """How far the way of this twist is free, by the map."""
-        return self.map.arc_clearance(pose, twist, self._config.base.radius_m, CLEARANCE_RANGE, now, FLOOR_MEMORY)
+        return self.map.arc_clearance(
+            pose, twist, self._config.base.radius_m + GRAZE_MARGIN, CLEARANCE_RANGE, now, FLOOR_MEMORY
+        )
 
     def may_turn(self, pose: Pose2) -> bool:
         """True if nothing stands within the circle the body turns in."""

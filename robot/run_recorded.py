@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +17,10 @@ from robot.app import head_mount, nominal_rig
 from robot.config import Config, load
 from robot.messages import Tick
 from robot.record.annotate import annotate_tick, annotated_size
-from robot.record.recorder import Recorder
+from robot.record.recorder import Recorder, WayPoint
 from robot.record.run_folder import RunFolder
-from robot.record.trajectory import Outline, Scenery, plot_trajectory
+from robot.record.scenery import Outline, Scenery, Stamped
+from robot.record.trajectory import plot_trajectory
 from robot.record.video import VideoWriter
 from robot.run_sim import SimOptions, SimRun
 from robot.sim.scene import load_scene
@@ -90,22 +92,27 @@ def _ms(seconds: list[float], percentile: float) -> float:
 
 def _plot(folder: RunFolder, run: SimRun, recorder: Recorder, title: str) -> None:
     """trajectory.png, in the room's frame; a disk that is full ends the record, not the run."""
-    true = run.referee.scenery()
+    truth = run.referee.scenery()
     way = recorder.way
-    start = true.path_true[0] if true.path_true else (0.0, 0.0, 0.0)
     changes = [(way[0].now, way[0].state)] if way else []
-    changes += [(b.now, b.state) for a, b in zip(way, way[1:], strict=False) if a.state != b.state]
+    changes += [(b.now, b.state) for a, b in pairwise(way) if a.state != b.state]
+    wheels = truth.start.to_world(np.array([(step.pose.x, step.pose.y) for step in way]))
     scenery = Scenery(
-        room=true.room,
-        path_true=true.path_true,
-        target_path=true.target_path,
-        obstacles=tuple(Outline(o.name, o.points, o.low) for o in true.obstacles),
+        room=truth.room,
+        path_true=_stamped(way, truth.robot_path),
+        path_odometry=_stamped(way, [(float(x), float(y)) for x, y in wheels]),
+        target_path=_stamped(way, truth.target_path),
+        obstacles=tuple(Outline(thing.kind, thing.corners, thing.kind == "step") for thing in truth.things),
         state_changes=tuple(changes),
         detours=tuple(_detours(changes, way[-1].now if way else 0.0)),
     )
-    del start
     with folder.recording.guarded(way[-1].now if way else 0.0):
         plot_trajectory(folder.trajectory_path, scenery, title)
+
+
+def _stamped(way: Sequence[WayPoint], places: Sequence[tuple[float, float]]) -> tuple[Stamped, ...]:
+    """Places, one a tick, with their ticks' times."""
+    return tuple((step.now, x, y) for step, (x, y) in zip(way, places, strict=False))
 
 
 def _detours(changes: list[tuple[float, str]], end: float) -> list[tuple[float, float]]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from calib.model import HeadMount, StereoRig
-from robot.messages import Detection, Image, Range, Track, View, wrap
+from robot.messages import Box, Detection, Image, Range, Track, View, wrap
 from robot.vision.ranging import range_box
 from robot.vision.tracker import TemplateTracker
 
@@ -22,7 +22,7 @@ class Recognizes(Protocol):
         """All places in the picture that look like the target, best first."""
         ...
 
-    def score(self, image: Image, box: object) -> float:
+    def score(self, image: Image, box: Box) -> float:
         """How surely the box holds the target, 0..1; 0.5 is the threshold."""
         ...
 

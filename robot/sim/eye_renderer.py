@@ -33,13 +33,14 @@ class EyeRenderer:
         self._options.geomgroup[:] = EYE_SEES
 
     def draw(self, eye: str, rotation: Array, position: Array) -> Image:
-        """The picture (H, W, 3) uint8 BGR of eye 'left' or 'right' at a rotation (camera to room) and place."""
+        """What eye 'left' or 'right' sees, (H, W, 3) uint8 BGR; rotation camera to room, position in it."""
         camera = self._eyes[eye]
         # MuJoCo's cameras look along -z with y up; OpenCV's along z with y down.
         self._data.cam_xpos[camera] = position
         self._data.cam_xmat[camera] = (rotation * np.array([1.0, -1.0, -1.0])).ravel()
         self._renderer.update_scene(self._data, camera=camera, scene_option=self._options)
-        return cv2.cvtColor(self._renderer.render(), cv2.COLOR_RGB2BGR).astype(np.uint8, copy=False)
+        picture: Image = cv2.cvtColor(self._renderer.render(), cv2.COLOR_RGB2BGR)
+        return picture
 
     def close(self) -> None:
         """Release the graphics context."""

@@ -17,7 +17,7 @@ from robot.sim.scene import SIZES, Obstacle, Ranged, Scene, SceneError
 from robot.sim.solids import Solid, overlap
 from robot.sim.ways import Ways
 
-TRIES = 400
+TRIES = 150
 ROBOT_RADIUS_M = 0.13
 START_CLEARANCE_M = 0.08
 BODY_CLEARANCE_M = 0.02
@@ -100,7 +100,7 @@ def object_solid(placed: Placed) -> Solid:
 
 
 def draw_layout(scene: Scene, rng: np.random.Generator) -> Layout:
-    """Draw the room of `scene`; SceneError if none of `TRIES` draws makes sense, saying why the last failed."""
+    """Draw the room of `scene`; SceneError if none of `TRIES` draws makes sense, with the last reason."""
     reason = ""
     for _ in range(TRIES):
         layout = _draw(scene, rng)

@@ -21,7 +21,7 @@ WHOLE: Rect = (0.0, 0.0, 1.0, 1.0)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mesh:
-    """vertices (N, 3), normals (N, 3), texture coordinates (N, 2); faces (M, 3), counter-clockwise outside."""
+    """vertices (N, 3), normals (N, 3), texture coordinates (N, 2); faces (M, 3), counter-clockwise."""
 
     vertices: Array
     normals: Array
@@ -61,7 +61,7 @@ def join(*meshes: Mesh) -> Mesh:
 
 
 def box(half: tuple[float, float, float], faces: tuple[Rect, ...], cell: float = 0.25) -> Mesh:
-    """A box about the origin. faces: parts of the picture for front (+x), left (+y), back, right, top, bottom."""
+    """A box about the origin. faces: parts of the picture for front (+x), left, back, right, top, bottom."""
     x, y, z = half
     directions = (
         ((x, -y, z), (0, 2 * y, 0), (0, 0, -2 * z)),

@@ -179,9 +179,8 @@ def _keys(rng: np.random.Generator, h: int, w: int, body: Colour, inks: list[Col
             right, low = int(left + 0.68 * w / across), int(top + 0.1 * h)
             ink = inks[i % 4] if j == across - 1 else ((235, 235, 230) if (i + j) % 2 else (175, 175, 170))
             cv2.rectangle(picture, (left, top), (right, low), ink, -1)
-            cv2.putText(
-                picture, KEYS[(i * across + j) % len(KEYS)], (left + 5, low - 5), 0, 0.5, (20, 20, 20), 2, cv2.LINE_AA
-            )  # fmt: skip
+            key = KEYS[(i * across + j) % len(KEYS)]
+            cv2.putText(picture, key, (left + 5, low - 5), 0, 0.5, (20, 20, 20), 2, cv2.LINE_AA)
     return _printed(picture, rng)
 
 

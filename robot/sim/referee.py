@@ -24,6 +24,8 @@ ASTRAY_S = 1.0
 """A claim that stays off the target this long is a false detection too."""
 DETOUR_M = 0.1
 """A path that leaves the straight line by this is a detour."""
+STANDING_M = 0.02
+"""Who needs to drive no farther than this drives the shortest way."""
 APART_S = 0.5
 """Touches of one thing nearer in time than this are one collision."""
 
@@ -79,6 +81,7 @@ class Referee:
         self._path_length = 0.0
         self._found_at: float | None = None
         self._reached: tuple[float, Point] | None = None
+        self._reached_length = 0.0
         self._ticks_since_found = self._ticks_in_view = self._ticks_at_distance = 0
         self._held = 0.0
         self._gave_up = False
@@ -307,7 +310,7 @@ class Referee:
         if not success or shortest is None:
             return 0.0
         longest = max(self._reached_length, shortest)
-        return round(shortest / longest, 4) if longest > 0 else 1.0
+        return round(shortest / longest, 4) if longest > STANDING_M else 1.0
 
     def _detour_taken(self) -> bool:
         """True if the straight way was blocked, and the robot got there by leaving the straight line."""

@@ -18,6 +18,7 @@ import numpy as np
 from robot.messages import Box, HeadPose, Image
 from robot.sim.scene import Scene, SceneError, load_scene
 from robot.sim.truth import Truth
+from robot.sim.ways import MIDDLES_M
 from robot.sim.world import World
 
 YAW_STEPS = 24
@@ -96,8 +97,9 @@ def _look(
     """Put the object that far before the robot, turned by `yaw`, and look at it; None if it is cut off."""
     start = studio.robot_pose
     bearing = rng.uniform(-0.12, 0.12)
-    x = start.x + distance * math.cos(start.yaw + bearing)
-    y = start.y + distance * math.sin(start.yaw + bearing)
+    reach = distance + MIDDLES_M
+    x = start.x + reach * math.cos(start.yaw + bearing)
+    y = start.y + reach * math.sin(start.yaw + bearing)
     studio.place_target(x, y, start.yaw + bearing + math.pi + yaw)
     down = math.atan2(0.25 - 0.11, distance) + rng.uniform(-0.06, 0.06)
     studio.head.send(HeadPose(bearing + rng.uniform(-0.1, 0.1), down), studio.now)

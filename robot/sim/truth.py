@@ -58,7 +58,7 @@ class Truth:
         return (_around(u[shown], v[shown]), share) if shown.sum() >= 3 else (None, 0.0)
 
     def range_at(self, moment: Moment, u: float, v: float) -> tuple[float, bool] | None:
-        """Depth (camera z, metres) of the surface at pixel (u, v) and whether it is the target's; None: nothing."""
+        """Depth (camera z, metres) of the surface at (u, v) and whether it is the target's; None: nothing."""
         eye = self._eye
         ray = moment.rotation @ np.array([(u - eye.cx) / eye.fx, (v - eye.cy) / eye.fy, 1.0])
         ray_length = float(np.linalg.norm(ray))

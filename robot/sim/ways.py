@@ -22,6 +22,7 @@ CELL_M = 0.05
 INFLATION_M = 0.155  # the robot's 0.13 and a little air
 CORRIDOR_M = 0.14  # half width of the straight way: the robot itself, and one centimetre
 PASS_UNDER_M = 0.32
+MIDDLES_M = 0.13  # eyes ahead of the robot's middle, and the target's face before its own
 SEE_OVER_M = 0.2  # what is lower does not hide a target from eyes at 0.25
 
 
@@ -59,7 +60,7 @@ class Ways:
     def corridor_blocked(self, start: Point, target: Point, stand_off: float) -> bool:
         """True if the robot's own width does not fit straight from start to `stand_off` before the target."""
         length = math.dist(start, target)
-        share = max(length - stand_off, 0.0) / max(length, 1e-9)
+        share = max(length - stand_off - MIDDLES_M, 0.0) / max(length, 1e-9)
         end = (start[0] + share * (target[0] - start[0]), start[1] + share * (target[1] - start[1]))
         return not self.line_free(start, end, CORRIDOR_M)
 
@@ -69,8 +70,8 @@ class Ways:
         A grid search (8 neighbours), then pulled taut, so that its length has no grid error worth naming.
         The place may be up to 20 % nearer or farther than the stand-off.
         """
-        reach = stand_off * 1.2
-        inner = stand_off * 0.8
+        reach = stand_off * 1.2 + MIDDLES_M
+        inner = stand_off * 0.8 + MIDDLES_M
         if inner <= math.dist(start, target) <= reach and self.sees(start, target):
             return (start,)
         cells = self._search(self._cell(start), target, inner, reach)

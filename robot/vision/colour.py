@@ -18,7 +18,7 @@ LAYOUT_LENGTH = 2 * GRID_COLUMNS * GRID_ROWS
 # Dark pixels' ratios are noise: this much grey value is added to every channel before dividing.
 _FLOOR = 6.0
 # Layouts weaker than this (log units, root mean square) count as colourless.
-_COLOURLESS = 0.06
+_COLOURLESS = 0.12
 
 
 class ColourSums:

@@ -31,7 +31,7 @@ _PLACES_PER_LEVEL = 12
 _CANDIDATES = 24
 _CANDIDATE_OVERLAP = 0.55
 # How much colour agreement (-1..1) counts beside similarity when candidates are ranked.
-_COLOUR_SHARE = 0.5
+_COLOUR_SHARE = 1.0
 _LEADING = 12
 _FINE_SCALES = (0.93, 1.0, 1.07)
 _BOX_SCALES = (0.84, 0.92, 1.0, 1.09, 1.19)

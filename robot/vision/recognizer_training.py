@@ -30,6 +30,10 @@ GROUP_SPREAD = 1.35
 FEWEST_VIEWS = 4
 _FOLDS = 3
 _SMALLEST_NEGATIVE_PX = 64
+# How strongly the judge is held to counting all evidence alike: one kind that happened to separate the
+# lesson's pictures perfectly must not silence the others.
+_PRIOR = 0.002
+_MARGIN = 0.5
 # The median held-out view gets this score, whatever the target.
 _TYPICAL_SCORE = 0.9
 
@@ -141,9 +145,10 @@ def _background(backgrounds: Sequence[Image], width: int, height: int, rng: np.r
 
 
 def in_other_light(image: Image, rng: np.random.Generator) -> Image:
-    """The picture as a camera might see it on another day: gain, response curve, blur and noise drawn."""
+    """The picture as a camera might see it on another day: gain, response, tint, blur and noise drawn."""
     light = np.asarray(image, np.float64) / 255.0
     light = np.power(light, rng.uniform(0.8, 1.25)) * rng.uniform(0.25, 1.05)
+    light = light * rng.uniform(0.92, 1.08, 3)
     blur = float(rng.uniform(0.0, 0.8))
     if blur > 0.3:
         light = np.asarray(cv2.GaussianBlur(light, (0, 0), blur), np.float64)
@@ -181,7 +186,7 @@ def learn_judge(positives: Sequence[Evidence], negatives: Sequence[Evidence]) ->
     weights = _separating_weights(good, bad)
     poorest, typical = (float(q) for q in np.quantile(good @ weights, (0.05, 0.5)))
     against = float(np.quantile(bad @ weights, 0.999))
-    threshold = against + max(poorest - against, 0.0) / 2.0
+    threshold = against + max(poorest - against, 0.0) * _MARGIN
     slope = np.log(_TYPICAL_SCORE / (1 - _TYPICAL_SCORE)) / max(typical - threshold, 0.02)
     first, second, third = (float(slope * weight) for weight in weights)
     return Judge((first, second, third), float(-slope * threshold))
@@ -197,7 +202,7 @@ def _separating_weights(good: Matrix, bad: Matrix, rounds: int = 400) -> NDArray
     weights, bias = np.ones(3), 0.0
     for _ in range(rounds):
         error = share * (1.0 / (1.0 + np.exp(-np.clip(x @ weights + bias, -30, 30))) - y)
-        weights = np.maximum(weights - 2.0 * (x.T @ error + 0.002 * weights), 0.0)
+        weights = np.maximum(weights - 2.0 * (x.T @ error + _PRIOR * (weights - 1.0)), 0.0)
         bias -= 2.0 * float(error.sum())
     scaled = weights / spread
     length = float(np.linalg.norm(scaled))
