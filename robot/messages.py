@@ -165,11 +165,16 @@ class TeleopInput:
 
 @dataclass(frozen=True, slots=True)
 class Detection:
-    """A place where the target seems to be. score 0..1, higher is surer; label is the model's name."""
+    """A place where the target seems to be. score 0..1, higher is surer; label is the model's name.
+
+    azimuth: the direction it was seen in, in the odometry frame; perception adds it, for only there is
+    known how head and base stood when the picture was taken.
+    """
 
     box: Box
     score: float
     label: str
+    azimuth: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,6 +27,7 @@ from robot.messages import (
     Twist,
     View,
     Want,
+    wrap,
 )
 from robot.nav.grid import ObstacleMap
 from robot.target import Recognizes, TargetFollower, TargetSight
@@ -218,7 +219,9 @@ class Perception:
         return EyesVerdict(health.eyes_swapped(view.frame.left, view.frame.right))
 
     def _recognize(self, view: View) -> tuple[Detection, ...]:
-        return tuple(self._recognizer.predict(view.frame.left))
+        found = self._recognizer.predict(view.frame.left)
+        ahead = view.base.yaw + view.head.pan
+        return tuple(replace(one, azimuth=wrap(ahead + self._rig.left.bearing(one.box.centre[0]))) for one in found)
 
     # --------------------------------------------------------------------------------------- results
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 
-from robot.messages import Detection, Event, HeadPose, Intent, Situation, Want
+from robot.messages import Detection, Event, HeadPose, Intent, Situation, Want, wrap
 from robot.states.behaviour import Behaviour
 
-AGREE_PX = 40.0  # a candidate that keeps its place moves less than this between looks
+AGREE = math.radians(6.0)  # a candidate that keeps its place changes its direction less than this between looks
+SETTLING = 0.2  # pictures taken while the head still turns do not count
+FRESH = 0.6
 PATIENCE = 2.5  # seconds for all looks together
 
 
@@ -18,26 +20,35 @@ class Recognize:
         self._behaviour = behaviour
 
     def enter(self, situation: Situation) -> None:
-        """Start counting anew, with the head where it is."""
+        """Start counting anew, the head turned to where the candidate was seen."""
         self._since = situation.now
-        self._head = situation.head
-        self._seen_at = situation.now
         self._last: Detection | None = None
+        looks = situation.percepts.detections
+        if looks is not None and looks.value and looks.age(situation.now) < FRESH:
+            self._last = looks.value[0]
+        self._seen_at = situation.now + SETTLING
         self._agreeing = 0
         self._misses = 0
 
     def step(self, situation: Situation) -> tuple[Intent, Event | None]:
         """Count the newest look; leave when sure, or when looks miss or time runs out."""
-        intent = Intent(look=HeadPose(self._head.pan, self._head.tilt), wants=frozenset({Want.RECOGNIZE}))
+        intent = Intent(look=self._look(situation), wants=frozenset({Want.RECOGNIZE}))
         self._count(situation)
         waited = situation.now - self._since
         if self._agreeing >= self._behaviour.confirm_frames and self._last is not None:
-            evidence = {"looks": self._agreeing, "score": self._last.score, "u_px": self._last.box.centre[0]}
+            evidence = {"looks": self._agreeing, "score": self._last.score, "azimuth": self._last.azimuth}
             return intent, Event("target_confirmed", f"{self._agreeing} looks agree", evidence)
         if self._misses >= self._behaviour.confirm_frames or waited > PATIENCE:
             evidence = {"looks": self._agreeing, "misses": self._misses}
             return intent, Event("candidate_rejected", "the candidate did not last", evidence)
         return intent, None
+
+    def _look(self, situation: Situation) -> HeadPose:
+        rest = self._behaviour.rest_tilt
+        if self._last is None:
+            return HeadPose(situation.head.pan, rest)
+        pan = wrap(self._last.azimuth - situation.odometry.pose.yaw)
+        return HeadPose(max(-self._behaviour.pan_limit, min(self._behaviour.pan_limit, pan)), rest)
 
     def _count(self, situation: Situation) -> None:
         looks = situation.percepts.detections
@@ -54,5 +65,4 @@ class Recognize:
 
 
 def _near(a: Detection, b: Detection) -> bool:
-    (ua, va), (ub, vb) = a.box.centre, b.box.centre
-    return math.hypot(ua - ub, va - vb) < max(AGREE_PX, 0.5 * a.box.w)
+    return abs(wrap(a.azimuth - b.azimuth)) < AGREE

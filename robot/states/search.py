@@ -68,7 +68,7 @@ class Search:
         self._behaviour = behaviour
         self._map = obstacle_map
         self._since: float | None = None
-        self._rejected: tuple[float, float] | None = None  # (heading in the odometry frame, when)
+        self._rejected: tuple[float, float] | None = None  # (azimuth, when)
         self._visited: list[tuple[float, float]] = []
 
     def enter(self, situation: Situation) -> None:
@@ -169,13 +169,12 @@ class Search:
         if looks is None or not looks.value or looks.at <= self._entered:
             return None
         best: Detection = looks.value[0]
-        heading = wrap(situation.odometry.pose.yaw + situation.head.pan)
         if self._rejected is not None:
             old, when = self._rejected
-            if situation.now - when < REJECTED_FOR and abs(wrap(heading - old)) < math.radians(15.0):
+            if situation.now - when < REJECTED_FOR and abs(wrap(best.azimuth - old)) < math.radians(15.0):
                 return None
-        self._rejected = (heading, situation.now)
-        evidence = {"score": best.score, "u_px": best.box.centre[0], "v_px": best.box.centre[1]}
+        self._rejected = (best.azimuth, situation.now)
+        evidence = {"score": best.score, "azimuth": best.azimuth, "height_px": best.box.h}
         return Event("candidate_seen", f"something looks like {best.label}", evidence)
 
     def _extend(self, situation: Situation) -> bool:

@@ -1,48 +1,27 @@
-"""How far the surface in the middle of a box is: one patch of the left eye, found again in the right one.
-
-First the whole-pixel match along the row (normalised correlation, checked both ways and for rivals), then a
-least-squares fit of a small slanted plane in disparity. Its sigma comes from what the fit leaves over.
-"""
+"""How far the surface in the middle of a box is: [W]'s signed triangulation of one matched patch, with sigma."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates, spline_filter
 
 from calib.model import HeadMount, StereoRig
 from robot.messages import Box, Image, Range
-
-Grey = NDArray[np.float32]
-Array = NDArray[np.float64]
+from robot.vision import patch_match
+from robot.vision.patch_match import Grey
+from robot.vision.triangulation import depth, depth_sigma
 
 NEAREST_M = 0.25
 """Nearer surfaces are not searched for; they come out as None, never as far."""
 FARTHEST_PX = 0.5
 """A smaller disparity says only 'far'."""
-
-
-@dataclass(frozen=True, slots=True)
-class PatchMatch:
-    """A patch found again: disparity u_l - u_r at its middle in whole pixels, rows lower, correlation -1..1."""
-
-    shift: int
-    lower: int
-    correlation: float
-
-
-@dataclass(frozen=True, slots=True)
-class PlaneFit:
-    """Column difference u_l - u_r at the patch's middle, px, with its standard deviation; slope in px per px."""
-
-    shift: float
-    sigma: float
-    slope: tuple[float, float]
-    correlation: float
+PATCH_SHARE = 0.3
+"""Half the patch's edge as a share of the box's: the middle of the box, not its rim."""
+LARGEST_HALF_PX = 14
+DOUBT = 0.25
+"""A sigma above this share of the disparity is no measurement."""
 
 
 def range_box(
@@ -51,25 +30,35 @@ def range_box(
 ) -> Range | None:  # fmt: skip
     """Distance to the visible surface at the box's centre; None where it cannot be told without doubt.
 
-    left, right: rectified, (H, W, 3) BGR or (H, W) grey uint8 of equal size. box in left pixels. rig: a parallel
-    pair (its f, baseline and principal points). pan, tilt of the head in radians at capture. Disparities of
-    surfaces from `nearest_m` metres on are searched. Signed triangulation of [W] (METHODS 2), D = f B / d.
+    left, right: rectified, (H, W, 3) BGR or (H, W) grey uint8, equal in size. box in pixels of the left picture.
+    rig: a parallel pair. pan, tilt of the head in radians at capture. Disparities of surfaces from `nearest_m`
+    metres on are searched. [W]'s triangulation (METHODS 2): D = f B / d, sigma_D = D^2 sigma_d / (f B).
     """
-    match = match_box(left, right, box, _search(rig, nearest_m))
-    if match is None:
-        return None
-    disparity = match.shift + rig.doffs
-    if disparity < FARTHEST_PX or match.sigma > 0.5 * disparity:
-        return None
-    distance = rig.left.fx * rig.baseline / disparity
     u, v = box.centre
-    seen = np.array([(u - rig.left.cx) / rig.left.fx, (v - rig.left.cy) / rig.left.fy, 1.0]) * distance
+    half_u, half_v = (min(PATCH_SHARE * edge, LARGEST_HALF_PX) for edge in (box.w, box.h))
+    patch = patch_match.patch_at(u, v, half_u, half_v, left.shape[1], left.shape[0])
+    if patch is None:
+        return None
+    fit = patch_match.match(_grey(left), _grey(right), patch, _shifts(rig, nearest_m))
+    if fit is None:
+        return None
+    disparity = fit.shift + rig.doffs
+    if disparity < FARTHEST_PX or fit.sigma > DOUBT * disparity:
+        return None
+    f, baseline = rig.left.fx, rig.baseline
+    distance = depth(f, baseline, disparity)
+    ray = np.array([(u - rig.left.cx) / f, (v - rig.left.cy) / rig.left.fy, 1.0])
     rotation, eye = mount.left_eye(pan, tilt)
-    x, y, z = (float(c) for c in rotation @ seen + eye)
-    return Range(distance, distance * match.sigma / disparity, (x, y, z), disparity)
+    x, y, z = (float(c) for c in rotation @ (distance * ray) + eye)
+    return Range(distance, depth_sigma(f, baseline, distance, fit.sigma), (x, y, z), disparity)
 
 
-def _search(rig: StereoRig, nearest_m: float) -> tuple[int, int]:
-    """Column differences that surfaces from `nearest_m` to far away can have."""
+def _shifts(rig: StereoRig, nearest_m: float) -> tuple[int, int]:
+    """Column differences u_l - u_r that surfaces from `nearest_m` to far away can have, a little more on each side."""
     most = rig.left.fx * rig.baseline / nearest_m
     return math.floor(-rig.doffs) - 2, math.ceil(most - rig.doffs) + 2
+
+
+def _grey(image: Image) -> Grey:
+    grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+    return np.asarray(grey, dtype=np.float32)

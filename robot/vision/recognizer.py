@@ -18,12 +18,13 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from robot.messages import Box, Detection, Image
 from robot.vision.colour import LAYOUT_LENGTH, ColourSums, layout_similarity
 from robot.vision.viewspace import ViewSpace
-from robot.vision.windows import Floats, grey_of, resize, suppress_overlaps, windows_near
+from robot.vision.windows import Floats, WindowStack, grey_of, resize, suppress_overlaps, windows_near
 
 # Window heights of the scan: from the farthest to the nearest target, a step well inside what refining mends.
 HEIGHTS_PX: tuple[float, ...] = tuple(18.0 * 1.25**step for step in range(11))
@@ -33,6 +34,9 @@ _CANDIDATE_OVERLAP = 0.55
 # How much colour agreement (-1..1) counts beside similarity when candidates are ranked.
 _COLOUR_SHARE = 1.0
 _LEADING = 12
+# A second, wider look is worth its time only for places neither hopeless nor sure, and only for a few.
+_HOPELESS, _SURE = 0.08, 0.75
+_SECOND_LOOKS = 3
 _FINE_SCALES = (0.93, 1.0, 1.07)
 _BOX_SCALES = (0.84, 0.92, 1.0, 1.09, 1.19)
 
@@ -132,19 +136,33 @@ class Recognizer:
 
     def locate(self, image: Image, box: Box) -> Placed:
         """The best window near a box over all of the target's shapes."""
-        picture = _Picture(grey_of(image), ColourSums(image))
+        return self._locate(_Picture(grey_of(image), ColourSums(image)), box)
+
+    def _locate(self, picture: _Picture, box: Box) -> Placed:
         tries = (_best_near(picture, box, group, _BOX_SCALES, 4) for group in self.groups)
-        return max(tries, key=lambda place: self.judge.score(place.evidence))
+        return max(tries, key=self._score)
+
+    def _score(self, place: Placed) -> float:
+        return self.judge.score(place.evidence)
 
     def candidates(self, image: Image, heights_px: Sequence[float] | None = None) -> list[Placed]:
-        """The best-looking windows of a picture with their evidence, judged or not, in no special order."""
+        """The best-looking windows of a picture with their evidence, the most promising first."""
         picture = _Picture(grey_of(image), ColourSums(image))
         heights = HEIGHTS_PX if heights_px is None else heights_px
         offered = [_proposals(picture, group, heights) for group in self.groups]
         boxes, merits = (np.concatenate(parts) for parts in zip(*offered, strict=True))
         owners = np.repeat(np.arange(len(self.groups)), [len(places) for places, _ in offered])
         kept = suppress_overlaps(boxes, merits, _CANDIDATE_OVERLAP, _CANDIDATES)
-        return [_best_near(picture, _box(boxes[i]), self.groups[owners[i]], _FINE_SCALES, 2) for i in kept]
+        places = [_best_near(picture, _box(boxes[i]), self.groups[owners[i]], _FINE_SCALES, 2) for i in kept]
+        return self._looked_at_again(picture, places)
+
+    def _looked_at_again(self, picture: _Picture, places: list[Placed]) -> list[Placed]:
+        """The same places, the most promising doubtful ones searched more widely and in all shapes."""
+        places = sorted(places, key=self._score, reverse=True)
+        doubtful = [i for i, place in enumerate(places) if _HOPELESS < self._score(place) < _SURE]
+        for i in doubtful[:_SECOND_LOOKS]:
+            places[i] = max(places[i], self._locate(picture, places[i].box), key=self._score)
+        return places
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
         """Everything learnt as plain arrays, keyed 'judge', 'aspects', '0.layouts', '0.fine.inverse', ..."""
@@ -234,29 +252,38 @@ def _best_near(
 def _proposals(
     picture: _Picture, group: AspectGroup, heights_px: Sequence[float]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The best windows over all scales: boxes (k, 4) of the full picture and their merit (k,)."""
+    """The best windows over all scales: boxes (k, 4) of the full picture and their merit (k,).
+
+    Merit joins look and colour for one and the same view, so that a window cannot borrow the look of one
+    side and the colours of another.
+    """
     levels = [_scan(picture.grey, group, height) for height in heights_px]
-    boxes = np.concatenate([np.empty((0, 4)), *(places for places, _ in levels)])
-    similarities = np.concatenate([np.empty(0), *(values for _, values in levels)])
+    none = _nothing(group.coarse.size)
+    boxes = np.concatenate([none.boxes, *(level.boxes for level in levels)])
+    pixels = np.concatenate([none.pixels, *(level.pixels for level in levels)])
+    looks = group.coarse.correlation(group.coarse.prepared(pixels)[0])
     colours = layout_similarity(picture.colours.layouts(boxes), group.layouts)
-    return boxes, similarities + _COLOUR_SHARE * colours.max(axis=1, initial=-1.0)
+    return boxes, (looks + _COLOUR_SHARE * colours).max(axis=1, initial=-2.0).astype(np.float64)
 
 
-def _scan(
-    grey: Floats, group: AspectGroup, target_height_px: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The most similar windows of one pyramid level: boxes (k, 4) of the full picture, similarities (k,)."""
+def _nothing(size: tuple[int, int]) -> WindowStack:
+    return WindowStack(np.empty((0, size[0] * size[1]), np.float32), np.empty((0, 4)))
+
+
+def _scan(grey: Floats, group: AspectGroup, target_height_px: float) -> WindowStack:
+    """The most similar windows of one pyramid level, with their boxes in the full picture."""
     width, height = group.coarse.size
     rows, columns = grey.shape
     level_columns = round(columns * width / (group.aspect * target_height_px))
     level_rows = round(rows * height / target_height_px)
     if level_columns < width or level_rows < height:
-        return np.empty((0, 4)), np.empty(0)
-    values = group.coarse.similarity_map(resize(grey, (level_columns, level_rows)))
-    v, u = _peaks(values, _PLACES_PER_LEVEL)
+        return _nothing(group.coarse.size)
+    level = resize(grey, (level_columns, level_rows))
+    v, u = _peaks(group.coarse.similarity_map(level), _PLACES_PER_LEVEL)
     step = np.array([columns / level_columns, rows / level_rows])
     size = np.broadcast_to(step * group.coarse.size, (len(u), 2))
-    return np.concatenate([np.column_stack([u, v]) * step, size], axis=1), values[v, u].astype(np.float64)
+    windows = sliding_window_view(level, (height, width))[v, u].reshape(len(u), width * height)
+    return WindowStack(windows, np.concatenate([np.column_stack([u, v]) * step, size], axis=1))
 
 
 def _peaks(values: Floats, count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

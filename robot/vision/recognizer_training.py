@@ -32,8 +32,9 @@ _FOLDS = 3
 _SMALLEST_NEGATIVE_PX = 64
 # How strongly the judge is held to counting all evidence alike: one kind that happened to separate the
 # lesson's pictures perfectly must not silence the others.
-_PRIOR = 0.002
-_MARGIN = 0.5
+_PRIOR = 0.01
+# Where between the negatives and the positives the threshold lies.
+_MARGIN = 0.6
 # The median held-out view gets this score, whatever the target.
 _TYPICAL_SCORE = 0.9
 
@@ -176,8 +177,8 @@ def learn_judge(positives: Sequence[Evidence], negatives: Sequence[Evidence]) ->
     """Weights and threshold that separate two sets of evidence; no evidence ever counts against the target.
 
     Logistic regression with weights >= 0, both sets counting equally. The threshold (score 0.5) lies
-    halfway between the 99.9 % quantile of the negatives and the 5 % quantile of the positives where they
-    are apart, else at the negatives' quantile: a look-alike is worse than a second look.
+    three fifths of the way from the 99.95 % quantile of the negatives to the 5 % quantile of the positives
+    where they are apart, else at the negatives' quantile: a false find is worse than a second look.
     """
     good = np.asarray(positives, np.float64).reshape(-1, 3)
     bad = np.asarray(negatives, np.float64).reshape(-1, 3)
@@ -185,7 +186,7 @@ def learn_judge(positives: Sequence[Evidence], negatives: Sequence[Evidence]) ->
         bad = np.zeros((1, 3))
     weights = _separating_weights(good, bad)
     poorest, typical = (float(q) for q in np.quantile(good @ weights, (0.05, 0.5)))
-    against = float(np.quantile(bad @ weights, 0.999))
+    against = float(np.quantile(bad @ weights, 0.9995))
     threshold = against + max(poorest - against, 0.0) * _MARGIN
     slope = np.log(_TYPICAL_SCORE / (1 - _TYPICAL_SCORE)) / max(typical - threshold, 0.02)
     first, second, third = (float(slope * weight) for weight in weights)
