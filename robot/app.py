@@ -30,6 +30,9 @@ from robot.target import Recognizes
 from robot.workers import SteppedWorker, Worker
 
 
+HANDS_WIDTH = 0.2  # metres about the robot that must be free where it is put down; its eyes cannot see there
+
+
 def nominal_rig(config: Config) -> StereoRig:
     """The pair as the config describes it, for want of a calibration file."""
     eyes = config.cameras
@@ -96,7 +99,7 @@ def loop_settings(config: Config) -> LoopSettings:
 def build_perception(config: Config, rig: StereoRig, recognizer: Recognizes, worker: Worker) -> Perception:
     """Vision with its map; the floor the robot was put on counts as free."""
     obstacle_map = ObstacleMap(MapSettings(body_radius=config.base.radius_m))
-    obstacle_map.start_disc(Pose2(), config.base.radius_m + 0.05)
+    obstacle_map.start_disc(Pose2(), config.base.radius_m + HANDS_WIDTH)
     return Perception(config, rig, head_mount(config), recognizer, worker, obstacle_map)
 
 

@@ -19,14 +19,16 @@ FEET_TILT = math.radians(45.0)
 SETTLED = math.radians(2.5)
 TURN_PATIENCE = 6.0
 LOOK_PATIENCE = 2.5
+HINT_PICTURES = 5  # where the target was last is worth a longer look
 REJECTED_FOR = 5.0  # a rejected direction is not tried again for so long
 
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """Point the head and wait until a picture taken after it settled was searched through."""
+    """Point the head and wait until `pictures` taken after it settled were searched through."""
 
     head: HeadPose
+    pictures: int = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +89,7 @@ class Search:
             self._steps.extend(self._sweep())
         self._begun: float | None = None
         self._settled_at: float | None = None
+        self._searched = 0
         self._heading: float | None = None
 
     def step(self, situation: Situation) -> tuple[Intent, Event | None]:
@@ -103,6 +106,7 @@ class Search:
         if self._begun is None:
             self._begun = situation.now
             self._settled_at = None
+            self._searched = 0
             self._heading = None
         look, motion, done = self._do(current, situation)
         if done:
@@ -121,8 +125,8 @@ class Search:
         head = look_at_place(place, pose, self._behaviour)
         bearing = math.atan2(place[1] - pose.y, place[0] - pose.x) - pose.yaw
         if abs(wrap(bearing)) > self._behaviour.pan_limit:
-            return [TurnBy(wrap(bearing)), Look(HeadPose(0.0, self._behaviour.rest_tilt))]
-        return [Look(head)]
+            return [TurnBy(wrap(bearing)), Look(HeadPose(0.0, self._behaviour.rest_tilt), HINT_PICTURES)]
+        return [Look(head, HINT_PICTURES)]
 
     def _do(self, step: Step, situation: Situation) -> tuple[HeadPose, Motion, bool]:
         match step:
@@ -154,8 +158,11 @@ class Search:
             return self._waited(situation) > LOOK_PATIENCE
         percepts = situation.percepts
         result = percepts.detections if isinstance(step, Look) else percepts.free_space
-        seen = result is not None and result.at >= self._settled_at
-        return seen or self._waited(situation) > LOOK_PATIENCE
+        if result is not None and result.at >= self._settled_at:
+            self._settled_at = math.nextafter(result.at, math.inf)  # the same picture counts once
+            self._searched += 1
+        wanted = step.pictures if isinstance(step, Look) else 1
+        return self._searched >= wanted or self._waited(situation) > LOOK_PATIENCE
 
     def _waited(self, situation: Situation) -> float:
         assert self._begun is not None

@@ -9,9 +9,9 @@ import numpy as np
 from robot.messages import Approach, Event, HeadPose, Hold, Intent, Range, Situation, Timed, Want
 from robot.nav.grid import ObstacleMap
 from robot.nav.planner import corridor_free
-from robot.states.behaviour import Behaviour, distance_between, pan_towards
+from robot.states.behaviour import Behaviour, distance_between, look_at_place, pan_towards
 
-LOST_AFTER = 0.8  # seconds without a good track
+LOST_AFTER = 1.8  # seconds without a good track; a glance at the floor takes one of them
 BLOCKED_FOR = 0.2  # seconds the way must look blocked before a detour is made
 STUCK_AFTER = 2.5  # seconds without coming nearer although there is way to go
 
@@ -35,7 +35,8 @@ class Track:
         now = situation.now
         target = self._good_target(situation)
         if target is None:
-            intent = Intent(look=self._look, motion=Hold(), wants=frozenset({Want.TRACK}))
+            self._look = self._look_for(situation)
+            intent = Intent(look=self._look, motion=Hold(), wants=frozenset({Want.TRACK, Want.RECOGNIZE}))
             if now - self._good_at > LOST_AFTER:
                 return intent, Event("target_lost", "the track was lost", {"for_s": now - self._good_at})
             return intent, None
@@ -45,6 +46,10 @@ class Track:
         motion = Approach(target.value.distance, math.atan2(y, x), self._behaviour.stand_off)
         intent = Intent(look=self._look, motion=motion, wants=frozenset({Want.TRACK}))
         return intent, self._blocked(situation, target.value)
+
+    def _look_for(self, situation: Situation) -> HeadPose:
+        place = situation.percepts.place
+        return self._look if place is None else look_at_place(place.value, situation.odometry.pose, self._behaviour)
 
     def _good_target(self, situation: Situation) -> Timed[Range] | None:
         track, target = situation.percepts.track, situation.percepts.target

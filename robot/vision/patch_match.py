@@ -30,6 +30,10 @@ NOISE_CORRELATION = 1.6
 """Residuals of neighbouring pixels are alike (lens blur, interpolation): sigma grows by this factor."""
 SIGMA_FLOOR_PX = 0.03
 """What no fit can know: left-over calibration error, the spline's own error."""
+INNER_SHARE = 0.55
+"""Edge of the inner patch whose word is set against the whole one's."""
+CLEARLY_APART, DISAGREEMENT_SHARE = 3.0, 0.5
+"""Standard deviations from which two fits mean two surfaces; share of their difference that is added to sigma."""
 ITERATIONS, SETTLED_PX, LARGEST_CORRECTION_PX = 6, 2e-3, 1.5
 
 
@@ -86,7 +90,17 @@ def match(left: Grey, right: Grey, patch: Patch, shifts: tuple[int, int]) -> Fit
     left, right: (H, W) float32 grey of equal size. shifts: least and largest u_l - u_r to try, whole px.
     """
     place = find(left, right, patch, shifts)
-    return None if place is None else refine(left, right, patch, place)
+    if place is None:
+        return None
+    whole = refine(left, right, patch, place)
+    inner_patch = patch_at(
+        patch.u_true, patch.v_true, *(max(INNER_SHARE * half, LEAST_HALF_PX) for half in (patch.half_u, patch.half_v)),
+        left.shape[1], left.shape[0],
+    )  # fmt: skip
+    if whole is None or inner_patch is None:
+        return whole
+    inner = refine(left, right, inner_patch, Place(round(whole.shift), place.lower, place.correlation))
+    return whole if inner is None else _agreed(whole, inner)
 
 
 # ------------------------------------------------------------------------------------- whole pixels
@@ -175,6 +189,17 @@ def refine(left: Grey, right: Grey, patch: Patch, place: Place) -> Fit | None:
     _, correlation = _residual(template, warp(parameters), nearness)
     sigma = float(np.hypot(NOISE_CORRELATION * np.sqrt(spread[0, 0]), SIGMA_FLOOR_PX))
     return Fit(float(parameters[0]), sigma, correlation)
+
+
+def _agreed(whole: Fit, inner: Fit) -> Fit:
+    """One fit out of the whole patch's and that of its inner part; where they differ, doubt grows.
+
+    The whole patch sees more texture; but where the two differ clearly the surface is not plane (an edge, a
+    cup's curve), and the inner part is nearer to what stands in the middle.
+    """
+    apart = abs(whole.shift - inner.shift)
+    chosen = inner if apart > CLEARLY_APART * inner.sigma else whole
+    return Fit(chosen.shift, float(np.hypot(chosen.sigma, DISAGREEMENT_SHARE * apart)), chosen.correlation)
 
 
 class _Warp:

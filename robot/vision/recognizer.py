@@ -29,7 +29,7 @@ from robot.vision.windows import Floats, WindowStack, grey_of, resize, suppress_
 # Window heights of the scan: from the farthest to the nearest target, a step well inside what refining mends.
 HEIGHTS_PX: tuple[float, ...] = tuple(18.0 * 1.25**step for step in range(11))
 _PLACES_PER_LEVEL = 12
-_CANDIDATES = 24
+_CANDIDATES = 22
 _CANDIDATE_OVERLAP = 0.55
 # How much colour agreement (-1..1) counts beside similarity when candidates are ranked.
 _COLOUR_SHARE = 1.0

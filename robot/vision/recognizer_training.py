@@ -34,7 +34,8 @@ _SMALLEST_NEGATIVE_PX = 64
 # lesson's pictures perfectly must not silence the others.
 _PRIOR = 0.01
 # Where between the negatives and the positives the threshold lies.
-_MARGIN = 0.6
+_MARGIN = 0.7
+_LEAST_MARGIN = 0.15
 # The median held-out view gets this score, whatever the target.
 _TYPICAL_SCORE = 0.9
 
@@ -176,9 +177,9 @@ def look_alike(view: Image, rng: np.random.Generator) -> Image:
 def learn_judge(positives: Sequence[Evidence], negatives: Sequence[Evidence]) -> Judge:
     """Weights and threshold that separate two sets of evidence; no evidence ever counts against the target.
 
-    Logistic regression with weights >= 0, both sets counting equally. The threshold (score 0.5) lies
-    three fifths of the way from the 99.95 % quantile of the negatives to the 5 % quantile of the positives
-    where they are apart, else at the negatives' quantile: a false find is worse than a second look.
+    Logistic regression with weights >= 0, both sets counting equally. The threshold (score 0.5) lies seven
+    tenths of the way from the 99.95 % quantile of the negatives to the 5 % quantile of the positives, at
+    least 15 % of the way to their median: a false find is worse than a second look.
     """
     good = np.asarray(positives, np.float64).reshape(-1, 3)
     bad = np.asarray(negatives, np.float64).reshape(-1, 3)
@@ -187,7 +188,7 @@ def learn_judge(positives: Sequence[Evidence], negatives: Sequence[Evidence]) ->
     weights = _separating_weights(good, bad)
     poorest, typical = (float(q) for q in np.quantile(good @ weights, (0.05, 0.5)))
     against = float(np.quantile(bad @ weights, 0.9995))
-    threshold = against + max(poorest - against, 0.0) * _MARGIN
+    threshold = against + max(_MARGIN * (poorest - against), _LEAST_MARGIN * (typical - against), 0.0)
     slope = np.log(_TYPICAL_SCORE / (1 - _TYPICAL_SCORE)) / max(typical - threshold, 0.02)
     first, second, third = (float(slope * weight) for weight in weights)
     return Judge((first, second, third), float(-slope * threshold))

@@ -16,8 +16,15 @@ from robot.vision.textures import texture
 from robot.vision.viewspace import ViewSpace, window_size
 from robot.vision.windows import crop, grey_of, local_mean_std, suppress_overlaps, windows_near
 
-SIDES = [texture((120, 160), np.random.default_rng(seed)) for seed in (101, 200)]
-OTHERS = [texture((120, 160), np.random.default_rng(seed)) for seed in (100, 201)]
+
+def printed(seed: int) -> Image:
+    """A label of 4 x 3 fields in strong colours, 120 x 160 px."""
+    fields = np.random.default_rng(seed).integers(0, 256, (4, 3, 3), np.uint8)
+    return cv2.resize(fields, (120, 160), interpolation=cv2.INTER_NEAREST)
+
+
+SIDES = [printed(seed) for seed in (1, 2)]
+OTHERS = [printed(seed) for seed in (3, 4)]
 
 
 def wall(seed: int) -> Image:
@@ -46,7 +53,7 @@ def recognizer() -> Recognizer:
     ]
     rng = np.random.default_rng(0)
     lit = [in_other_light(view, rng) for view in views]
-    return Recognizer.fit(lit, [wall(seed) for seed in range(900, 910)], "board", seed=0)
+    return Recognizer.fit(lit, [wall(seed) for seed in range(900, 920)], "board", seed=0)
 
 
 @pytest.mark.parametrize("height", [20, 28, 45, 80, 130, 165])
