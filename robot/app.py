@@ -30,6 +30,7 @@ from robot.target import Recognizes
 from robot.workers import SteppedWorker, Worker
 
 
+PLANNED_BESIDE = 0.03  # metres a planned way keeps beside the body: a little more than the guard insists on
 HANDS_WIDTH = 0.2  # metres about the robot that must be free where it is put down; its eyes cannot see there
 
 
@@ -56,7 +57,7 @@ def build_states(config: Config, obstacle_map: ObstacleMap) -> dict[str, State]:
         stand_off=config.mission.stand_off_m,
         search_timeout=config.mission.search_timeout_s,
         confirm_frames=config.vision.confirm_frames,
-        body_radius=config.base.radius_m,
+        body_radius=config.base.radius_m + PLANNED_BESIDE,
         head_forward=config.head.forward_m,
         head_height=config.head.height_m,
         pan_limit=math.radians(config.head.pan_limit_deg),

@@ -32,7 +32,7 @@ from robot.messages import (
 from robot.nav.grid import ObstacleMap
 from robot.target import Recognizes, TargetFollower, TargetSight
 from robot.vision import freespace, ground, health
-from robot.vision.stereo import SemiGlobalMatcher
+from robot.vision.stereo import FloorAlignedMatcher, SemiGlobalMatcher
 from robot.workers import Job, Result, Worker
 
 STAGES = ("track", "free_space", "health", "ground", "recognize")
@@ -80,7 +80,7 @@ class Perception:
         self._recognizer = recognizer
         self._worker = worker
         self.map = obstacle_map
-        self._matcher = SemiGlobalMatcher(disparities=config.vision.disparities)
+        self._matcher = FloorAlignedMatcher(SemiGlobalMatcher(disparities=config.vision.disparities), rig, mount)
         self._follower = TargetFollower(rig, mount, recognizer)
         self._percepts = Percepts()
         self._seed: tuple[View, Detection] | None = None
@@ -206,7 +206,7 @@ class Perception:
         return self._follower.update(view)
 
     def _free_space(self, view: View) -> FreeSpace:
-        disparity = self._matcher(view.frame.left, view.frame.right)
+        disparity = self._matcher(view.frame.left, view.frame.right, view.head.pan, view.head.tilt)
         return freespace.free_space(disparity, self._rig, self._mount, view.head.pan, view.head.tilt)
 
     def _ground(self, view: View) -> Obstacles:

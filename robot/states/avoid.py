@@ -92,7 +92,7 @@ class Avoid:
         to_go = max(distance - self._goal_distance(), 0.0)
         share = to_go / max(distance, 1e-6)
         stop = (pose.x + share * (place[0] - pose.x), pose.y + share * (place[1] - pose.y))
-        free = corridor_free(self._map, (pose.x, pose.y), stop, self._behaviour.body_radius + 0.02)
+        free = corridor_free(self._map, (pose.x, pose.y), stop, self._behaviour.body_radius)
         seen = track is not None and not track.value.lost and track.age(situation.now) < 0.3
         evidence = {"distance_m": distance, "after_s": situation.now - self._since}
         settled = situation.now - self._since > 1.0

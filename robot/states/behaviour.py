@@ -25,12 +25,15 @@ class State(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Behaviour:
-    """Numbers the states go by, from the config. Metres, radians, seconds."""
+    """Numbers the states go by, from the config. Metres, radians, seconds.
+
+    body_radius: what a way must be free for, the body's own and a little beside it.
+    """
 
     stand_off: float = 0.7
     search_timeout: float = 60.0
     confirm_frames: int = 3
-    body_radius: float = 0.13
+    body_radius: float = 0.16
     margin: float = 0.06
     head_forward: float = 0.06
     head_height: float = 0.25

@@ -83,7 +83,7 @@ class Track:
         distance = distance_between(pose, place)
         share = max(to_go, 0.0) / max(distance, 1e-6)
         stop = (pose.x + share * (place[0] - pose.x), pose.y + share * (place[1] - pose.y))
-        if corridor_free(self._map, (pose.x, pose.y), stop, self._behaviour.body_radius + 0.02):
+        if corridor_free(self._map, (pose.x, pose.y), stop, self._behaviour.body_radius):
             self._free_at = now
         if abs(situation.odometry.twist.v) > 0.02 or abs(situation.odometry.twist.w) > 0.1:
             self._moved_at = now

@@ -162,7 +162,7 @@ def _look(disparity: Disparity, rig: StereoRig, mount: HeadMount, pan: float, ti
     ]
     depth = np.float32(left.fx * rig.baseline) / np.where(measured, values, np.float32(1.0))
     x, y, h = (np.float32(eye[k]) + depth * ray[k] for k in range(3))
-    sigma = depth * np.abs(ray[2]) * np.float32(disparity.sigma_px) / np.where(measured, values, np.float32(1.0))
+    sigma = depth * np.abs(ray[2]) * disparity.sigma_px[::ROW_STEP] / np.where(measured, values, np.float32(1.0))
     drop = np.maximum(-ray[2], np.float32(1e-6))
     reach = np.where(drop > 0.02, np.float32(eye[2]) / drop, np.float32(1e4))
     floor_x, floor_y = np.float32(eye[0]) + reach * ray[0], np.float32(eye[1]) + reach * ray[1]

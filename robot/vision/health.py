@@ -25,7 +25,7 @@ HALF_PX, REACH_PX = 5, 40
 LEAST_CORRELATION, RIVAL_MARGIN = 0.75, 0.12
 LEAST_SHIFT_PX = 1
 """Shifts up to this say nothing about the sign (far things, a small error of the principal points)."""
-LEAST_VOTES, MAJORITY = 10, 0.85
+LEAST_VOTES, MAJORITY = 8, 0.9
 """Exchanged eyes is what at least so many corners must say, and so large a share of those that say anything."""
 
 
@@ -103,8 +103,8 @@ def sign_votes(left: Image, right: Image) -> SignVotes:
 
 def _half_size(image: Image) -> Image:
     grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
-    half: Image = cv2.resize(grey, (grey.shape[1] // 2, grey.shape[0] // 2), interpolation=cv2.INTER_AREA)
-    return half
+    size = max(grey.shape[1] // 2, 1), max(grey.shape[0] // 2, 1)
+    return np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
 def _corners(grey: Image) -> NDArray[np.intp]:
@@ -127,12 +127,16 @@ def _shift(left: Image, right: Image, u: int, v: int) -> int | None:
 def _match(source: Image, target: Image, u: int, v: int) -> int | None:
     """Column in target of the patch of source about (u, v), searched to both sides alike."""
     height, width = source.shape
-    reach = min(REACH_PX, u - HALF_PX, width - 1 - HALF_PX - u)  # no side may have more chances than the other
+    reach = min(
+        REACH_PX, u - HALF_PX, width - 1 - HALF_PX - u
+    )  # no side may have more chances than the other
     if reach < 8 or not HALF_PX <= v < height - HALF_PX:
         return None
     rows = slice(v - HALF_PX, v + HALF_PX + 1)
     template = source[rows, u - HALF_PX : u + HALF_PX + 1]
-    scores = cv2.matchTemplate(target[rows, u - reach - HALF_PX : u + reach + HALF_PX + 1], template, cv2.TM_CCOEFF_NORMED)[0]
+    scores = cv2.matchTemplate(
+        target[rows, u - reach - HALF_PX : u + reach + HALF_PX + 1], template, cv2.TM_CCOEFF_NORMED
+    )[0]
     best = int(scores.argmax())
     peak = float(scores[best])
     if not LEAST_CORRELATION <= peak <= 1.001 or best in (0, len(scores) - 1):

@@ -7,7 +7,7 @@ grey values by weighted least squares on a cubic spline (no pixel locking as a p
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -28,7 +28,7 @@ PRIOR_SIGMA = np.array([1e6, 0.12, 0.12, 0.25])
 """What is known beforehand: nothing of the shift, of the surface's slopes (px per px), of the row skew (px)."""
 NOISE_CORRELATION = 1.6
 """Residuals of neighbouring pixels are alike (lens blur, interpolation): sigma grows by this factor."""
-SIGMA_FLOOR_PX = 0.03
+SIGMA_FLOOR_PX = 0.025
 """What no fit can know: left-over calibration error, the spline's own error."""
 INNER_SHARE = 0.55
 """Edge of the inner patch whose word is set against the whole one's."""
@@ -93,13 +93,9 @@ def match(left: Grey, right: Grey, patch: Patch, shifts: tuple[int, int]) -> Fit
     if place is None:
         return None
     whole = refine(left, right, patch, place)
-    inner_patch = patch_at(
-        patch.u_true, patch.v_true, *(max(INNER_SHARE * half, LEAST_HALF_PX) for half in (patch.half_u, patch.half_v)),
-        left.shape[1], left.shape[0],
-    )  # fmt: skip
-    if whole is None or inner_patch is None:
-        return whole
-    inner = refine(left, right, inner_patch, Place(round(whole.shift), place.lower, place.correlation))
+    if whole is None:
+        return None
+    inner = refine(left, right, _inner(patch), replace(place, shift=round(whole.shift)))
     return whole if inner is None else _agreed(whole, inner)
 
 
@@ -191,6 +187,11 @@ def refine(left: Grey, right: Grey, patch: Patch, place: Place) -> Fit | None:
     return Fit(float(parameters[0]), sigma, correlation)
 
 
+def _inner(patch: Patch) -> Patch:
+    half_u, half_v = (max(round(INNER_SHARE * half), LEAST_HALF_PX) for half in (patch.half_u, patch.half_v))
+    return replace(patch, half_u=half_u, half_v=half_v)
+
+
 def _agreed(whole: Fit, inner: Fit) -> Fit:
     """One fit out of the whole patch's and that of its inner part; where they differ, doubt grows.
 
@@ -210,14 +211,18 @@ class _Warp:
         reach = patch.half_u + 8
         left, right_end = max(column - reach, 0), min(column + reach + 1, right.shape[1])
         top = max(patch.v - patch.half_v - 6, 0)
-        self._spline = spline_filter(right[top : patch.v + patch.half_v + 7, left:right_end], order=3, mode="mirror")
+        self._spline = spline_filter(
+            right[top : patch.v + patch.half_v + 7, left:right_end], order=3, mode="mirror"
+        )
         self._x, self._y = x, y
         self._u, self._v = patch.u_true - left + x, patch.v_true - top + y
 
     def __call__(self, parameters: Array) -> Array:
         shift, slope_u, slope_v, lower = parameters
         columns = self._u - (shift + slope_u * self._x + slope_v * self._y)
-        values: Array = map_coordinates(self._spline, (self._v + lower, columns), order=3, mode="mirror", prefilter=False)
+        values: Array = map_coordinates(
+            self._spline, (self._v + lower, columns), order=3, mode="mirror", prefilter=False
+        )
         return values
 
 
@@ -236,7 +241,10 @@ def _gradients(left: Grey, patch: Patch) -> tuple[Array, Array]:
 
 
 def _window(image: Grey, patch: Patch) -> Grey:
-    return image[patch.v - patch.half_v : patch.v + patch.half_v + 1, patch.u - patch.half_u : patch.u + patch.half_u + 1]
+    return image[
+        patch.v - patch.half_v : patch.v + patch.half_v + 1,
+        patch.u - patch.half_u : patch.u + patch.half_u + 1,
+    ]
 
 
 def _residual(template: Array, warped: Array, weights: Array) -> tuple[Array, float]:

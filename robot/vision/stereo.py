@@ -1,52 +1,221 @@
-"""Dense disparity of a rectified pair by semi-global matching (OpenCV), behind the call all matchers keep."""
+"""Dense disparity of a rectified pair by semi-global matching (OpenCV), behind the call all matchers keep.
+
+Any callable `(left, right) -> Disparity` is a matcher. `SemiGlobalMatcher` is the one in use;
+`FloorAlignedMatcher` makes any matcher see the floor at rest, which is where a robot on wheels looks most.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.model import HeadMount, StereoRig
 from robot.messages import Image
+
+Floats = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+
+SMOOTHING_PX = 1.2
+"""Of both pictures before matching: floors show less texture than a webcam's noise, and broader."""
+MAX_SIGMA_PX = 0.6
+"""A match less certain than this is no measurement."""
+SIGMA_FLOOR_PX = 0.16
+"""What rounding, pixel locking and slanted surfaces leave where there is texture enough."""
+SIGMA_GAIN = 0.004
+"""Variance of a match times gradient energy over the picture's noise variance; both measured on rooms."""
+NOISE_ENERGY = 0.016
+"""Gradient energy that noise of variance 1 itself has after smoothing: it is no texture."""
+SIGMA_WINDOW_PX = 9
+HIDDEN_SLACK_PX = 1.0
+"""Noise makes columns cross by less than this."""
+MAX_JUMP_PX = 1.5
+"""Between the left and the right neighbour; a surface seen so obliquely is not measured."""
+BLOCK_PX = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Disparity:
-    """values (H, W) float32 px; valid (H, W) bool; sigma_px one number: standard deviation of a valid value."""
+    """Column of a point in the left picture less its column in the right one, for every left pixel.
 
-    values: NDArray[np.float32]
-    valid: NDArray[np.bool_]
-    sigma_px: float
+    values (H, W) float32 px, 0 where not valid; valid (H, W) bool; sigma_px (H, W) float32: standard deviation
+    of a valid value.
+    """
+
+    values: Floats
+    valid: Mask
+    sigma_px: Floats
+
+
+class Matcher(Protocol):
+    """Finds the disparities of a rectified pair of BGR or grey uint8 pictures of equal size."""
+
+    def __call__(self, left: Image, right: Image) -> Disparity:
+        """Match left (H, W[, 3]) with right."""
 
 
 class SemiGlobalMatcher:
-    """(left, right) -> Disparity."""
+    """Semi-global block matching over `disparities` columns, 0 .. disparities - 1.
+
+    What lies nearer than the search reaches comes out invalid, never far: a second run at half the resolution
+    searches twice as far. Points the right eye cannot see (left margin) are invalid. The standard deviation of
+    a value follows from the picture's noise and the texture about the pixel (as of least-squares matching);
+    where it exceeds `MAX_SIGMA_PX`, as on blank walls and in the dark, the value is invalid.
+
+    Args:
+        disparities: a multiple of 16.
+
+    Raises:
+        ValueError: disparities not a positive multiple of 16, or eyes of different size.
+
+    >>> scene = np.random.default_rng(1).integers(0, 255, (64, 160), np.uint8)
+    >>> found = SemiGlobalMatcher(32)(scene[:, :120], scene[:, 8:128])
+    >>> round(float(np.median(found.values[found.valid])))
+    8
+    """
 
     def __init__(self, disparities: int = 64) -> None:
+        if disparities <= 0 or disparities % 16:
+            raise ValueError(f"disparities must be a positive multiple of 16, got {disparities}")
         self.disparities = disparities
-        self._matcher = _sgbm(disparities)
-        self._coarse = _sgbm(disparities)
+        self._fine, self._coarse = _sgbm(disparities), _sgbm(disparities)
 
     def __call__(self, left: Image, right: Image) -> Disparity:
-        """Match the pair."""
-        grey_l, grey_r = (cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) for image in (left, right))
-        fine = self._match(self._matcher, grey_l, grey_r)
-        half_l, half_r = (cv2.resize(g, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for g in (grey_l, grey_r))
-        coarse = 2.0 * cv2.resize(self._match(self._coarse, half_l, half_r), grey_l.shape[::-1], interpolation=cv2.INTER_NEAREST)
-        too_near = coarse >= self.disparities - 2
-        valid = (fine > 0.3) & ~(cv2.dilate(too_near.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0)
-        return Disparity(fine, valid, 0.25)
+        """Match a pair. See the class."""
+        if left.shape[:2] != right.shape[:2]:
+            raise ValueError(f"eyes of different size: left {left.shape[:2]}, right {right.shape[:2]}")
+        grey_left, grey_right = _grey(left), _grey(right)
+        smooth_left, smooth_right = _smooth(grey_left), _smooth(grey_right)
+        values = self._match(self._fine, smooth_left, smooth_right)
+        sigma = match_sigma(smooth_left, _noise(grey_left))
+        columns = np.arange(left.shape[1], dtype=np.float32)
+        valid = (values > 0.0) & (values <= columns) & (sigma <= MAX_SIGMA_PX)
+        valid &= ~self._too_near(smooth_left, smooth_right) & ~_torn(values)
+        valid &= ~_hidden(columns - values, valid)
+        return Disparity(np.where(valid, values, np.float32(0.0)), valid, sigma)
 
-    def _match(self, matcher: cv2.StereoSGBM, left: Image, right: Image) -> NDArray[np.float32]:
-        pad = self.disparities
-        l, r = (cv2.copyMakeBorder(g, 0, 0, pad, 0, cv2.BORDER_REPLICATE) for g in (left, right))
-        found = matcher.compute(l, r)[:, pad:].astype(np.float32) / 16.0
-        return found
+    def _match(self, matcher: cv2.StereoSGBM, left: Image, right: Image) -> Floats:
+        # OpenCV leaves the first `disparities` columns empty: give it margin and cut that off.
+        margin = self.disparities
+        wide_left, wide_right = (
+            cv2.copyMakeBorder(g, 0, 0, margin, 0, cv2.BORDER_REPLICATE) for g in (left, right)
+        )
+        return matcher.compute(wide_left, wide_right)[:, margin:].astype(np.float32) * np.float32(1 / 16)
+
+    def _too_near(self, left: Image, right: Image) -> Mask:
+        """Pixels whose match lies at or beyond the end of the search, by a look at half the resolution."""
+        halves = (cv2.resize(g, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for g in (left, right))
+        beyond = 2.0 * self._match(self._coarse, *halves) >= self.disparities - 2
+        grown = cv2.dilate(beyond.astype(np.uint8), np.ones((3, 3), np.uint8))
+        full = cv2.resize(grown, (left.shape[1], left.shape[0]), interpolation=cv2.INTER_NEAREST)
+        near: Mask = full > 0
+        return near
+
+
+class FloorAlignedMatcher:
+    """Matches with the right picture sheared so that the floor lies at one disparity everywhere.
+
+    A floor seen from low above changes its disparity from row to row; blocks and smoothness terms expect it not
+    to, and answer with steps and a bias of a third of a pixel. Sheared, the floor is their easiest case, and the
+    search begins `margin_px` below the floor's own disparity in every row: it reaches nearer where floor is near.
+
+    Args:
+        matcher: what matches the sheared pair; its search must start at 0.
+        rig: parallel pair.
+        mount: where the head sits; the head does not roll.
+        margin_px: how much farther than the floor is still searched.
+    """
+
+    def __init__(self, matcher: Matcher, rig: StereoRig, mount: HeadMount, margin_px: float = 8.0) -> None:
+        self._matcher = matcher
+        self._rig, self._mount = rig, mount
+        self._margin = margin_px
+
+    def __call__(self, left: Image, right: Image, pan: float, tilt: float) -> Disparity:
+        """Match a pair taken with the head at pan, tilt (radians); disparities are those of the given pair."""
+        height, width = left.shape[:2]
+        floor = floor_disparities(self._rig, self._mount, pan, tilt, height)
+        shift = np.maximum(floor - self._margin, 0.0).astype(np.float32)[:, None]
+        columns = np.arange(width, dtype=np.float32)
+        rows = np.repeat(np.arange(height, dtype=np.float32)[:, None], width, axis=1)
+        sheared = cv2.remap(right, columns - shift, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        found = self._matcher(left, sheared.astype(np.uint8, copy=False))
+        values = found.values + shift
+        valid = found.valid & (values <= columns)
+        return Disparity(np.where(valid, values, np.float32(0.0)), valid, found.sigma_px)
+
+
+def floor_disparities(rig: StereoRig, mount: HeadMount, pan: float, tilt: float, height: int) -> Floats:
+    """Disparity u_l - u_r of the floor in each picture row, (height,) float32; below -doffs above the horizon.
+
+    d = f B k / h - doffs, k the drop of the row's ray for each metre of depth, h the lens height: METHODS 4's
+    plane-induced homography for a parallel pair and a head that does not roll.
+    """
+    rotation, eye = mount.left_eye(pan, tilt)
+    ray = (np.arange(height) - rig.left.cy) / rig.left.fy
+    drop = -(rotation[2, 1] * ray + rotation[2, 2])
+    return (rig.left.fx * rig.baseline * drop / eye[2] - rig.doffs).astype(np.float32)
+
+
+def match_sigma(smooth: Image, noise: float) -> Floats:
+    """Standard deviation of a block match at each pixel, px: noise over gradient, plus what matching itself adds.
+
+    smooth: (H, W) uint8, the smoothed picture; noise: grey levels, of the picture before smoothing.
+    """
+    gradient = cv2.Sobel(smooth, cv2.CV_32F, 1, 0, ksize=3, scale=1 / 8)
+    energy = cv2.blur(cv2.multiply(gradient, gradient), (SIGMA_WINDOW_PX, SIGMA_WINDOW_PX))
+    texture = np.maximum(energy - np.float32(NOISE_ENERGY * noise * noise), np.float32(1e-3))
+    variance = np.float32(SIGMA_FLOOR_PX**2) + np.float32(SIGMA_GAIN * noise * noise) / texture
+    return np.sqrt(variance).astype(np.float32, copy=False)
+
+
+def _torn(values: Floats) -> Mask:
+    """Pixels at a jump of the disparity: blocks that see two surfaces measure neither."""
+    jump = np.abs(values[:, 2:] - values[:, :-2]) > MAX_JUMP_PX
+    torn: Mask = np.pad(jump, ((0, 0), (1, 1)))
+    return torn
+
+
+def _hidden(right_columns: Floats, valid: Mask) -> Mask:
+    """Pixels that something to their right hides from the right eye: no measurement, whatever was filled in.
+
+    right_columns: where each left pixel lies in the right picture; in every row it must rise from left to right.
+    """
+    bound = np.where(valid, right_columns, np.float32(np.inf))
+    least = np.minimum.accumulate(bound[:, ::-1], axis=1)[:, ::-1]
+    hidden: Mask = right_columns > least + np.float32(HIDDEN_SLACK_PX)
+    return hidden
+
+
+def _noise(grey: Image) -> float:
+    """Standard deviation of the picture's noise, grey levels (Immerkaer's mask, its median: texture is rarer)."""
+    mask = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
+    rough = np.abs(cv2.filter2D(grey[::2], cv2.CV_32F, mask)[:, ::4])
+    return max(float(np.median(rough)) / (6 * 0.6745), 0.3)
+
+
+def _grey(image: Image) -> Image:
+    return image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY).astype(np.uint8, copy=False)
+
+
+def _smooth(grey: Image) -> Image:
+    return cv2.GaussianBlur(grey, (7, 7), SMOOTHING_PX).astype(np.uint8, copy=False)
 
 
 def _sgbm(disparities: int) -> cv2.StereoSGBM:
     return cv2.StereoSGBM.create(
-        minDisparity=0, numDisparities=disparities, blockSize=5, P1=8 * 25, P2=32 * 25, disp12MaxDiff=1,
-        preFilterCap=31, uniquenessRatio=10, speckleWindowSize=60, speckleRange=2, mode=cv2.StereoSGBM_MODE_SGBM_3WAY,
+        minDisparity=0,
+        numDisparities=disparities,
+        blockSize=BLOCK_PX,
+        P1=8 * BLOCK_PX**2,
+        P2=32 * BLOCK_PX**2,
+        disp12MaxDiff=1,
+        preFilterCap=31,
+        uniquenessRatio=10,
+        speckleWindowSize=60,
+        speckleRange=2,
+        mode=cv2.StereoSGBM_MODE_SGBM_3WAY,
     )

@@ -66,7 +66,9 @@ def toed_in_offset(f: float, f_right: float, u_right: float, toe_in: float) -> f
     """
     angle = math.atan(u_right / f_right) - toe_in
     if not abs(angle) < math.pi / 2:
-        raise NoRange(f"the right ray points {math.degrees(angle):.0f} degrees off the axis: no ideal camera sees it")
+        raise NoRange(
+            f"the right ray points {math.degrees(angle):.0f} degrees off the axis: no ideal camera sees it"
+        )
     return f * math.tan(angle)
 
 
@@ -84,7 +86,9 @@ def range_toed_in(
     (1.0, 1.28)
     """
     if not abs(toe_in) <= MAX_TOE_IN:
-        raise NoRange(f"toe-in of {math.degrees(toe_in):.1f} degrees: not two cameras side by side; mount them anew")
+        raise NoRange(
+            f"toe-in of {math.degrees(toe_in):.1f} degrees: not two cameras side by side; mount them anew"
+        )
     if not u_left > u_right:
         raise NoRange(
             f"toe-in of {math.degrees(toe_in):.1f} degrees turns the disparity to {u_left - u_right:.1f} px: "
@@ -120,14 +124,18 @@ def toe_in_error_between(f: float, baseline: float, x_left: float, x_right: floa
     return f * (baseline - turn) / (x_left + x_right + turn) - distance_between(f, baseline, x_left, x_right)
 
 
-def toe_in_error_left_of_axes(f: float, baseline: float, x_left: float, x_right: float, toe_in: float) -> float:
+def toe_in_error_left_of_axes(
+    f: float, baseline: float, x_left: float, x_right: float, toe_in: float
+) -> float:
     """[W]: f (B - f tan a)/(x_r - x_l + 2 f tan a) - f B/(x_r - x_l); toe_in in radians."""
     turn = f * math.tan(toe_in)
     measured = distance_left_of_axes(f, baseline, x_left, x_right)
     return f * (baseline - turn) / (x_right - x_left + 2 * turn) - measured
 
 
-def toe_in_error_right_of_axes(f: float, baseline: float, x_left: float, x_right: float, toe_in: float) -> float:
+def toe_in_error_right_of_axes(
+    f: float, baseline: float, x_left: float, x_right: float, toe_in: float
+) -> float:
     """[W]: f (B - f tan a)/(x_l - x_r + 2 f tan a) - f B/(x_l - x_r); toe_in in radians."""
     turn = f * math.tan(toe_in)
     measured = distance_right_of_axes(f, baseline, x_left, x_right)
@@ -140,13 +148,17 @@ def focal_error_between(f: float, baseline: float, x_left: float, x_right: float
     return real - distance_between(f, baseline, x_left, x_right)
 
 
-def focal_error_left_of_axes(f: float, baseline: float, x_left: float, x_right: float, f_right: float) -> float:
+def focal_error_left_of_axes(
+    f: float, baseline: float, x_left: float, x_right: float, f_right: float
+) -> float:
     """[W]: f' f B/(f x_r - f' x_l) - f B/(x_r - x_l); f_right is f'."""
     real = depth(f_right * f, baseline, f * x_right - f_right * x_left)
     return real - distance_left_of_axes(f, baseline, x_left, x_right)
 
 
-def focal_error_right_of_axes(f: float, baseline: float, x_left: float, x_right: float, f_right: float) -> float:
+def focal_error_right_of_axes(
+    f: float, baseline: float, x_left: float, x_right: float, f_right: float
+) -> float:
     """[W]: f' f B/(f' x_l - f x_r) - f B/(x_l - x_r); f_right is f'."""
     real = depth(f_right * f, baseline, f_right * x_left - f * x_right)
     return real - distance_right_of_axes(f, baseline, x_left, x_right)

@@ -1,0 +1,186 @@
+"""What `robot look` measures on one pair of pictures. Pure: pictures in, values out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.model import HeadMount, StereoRig
+from calib.rectify import Rectifier, rectifier
+from robot.errors import UserError
+from robot.messages import Box, Detection, Image, Passage
+from robot.vision import health
+from robot.vision.ranging import range_box
+from robot.vision.stereo import Disparity, SemiGlobalMatcher
+
+SEARCHED_SHARE = 0.25
+"""Disparities searched, as a share of the picture's width."""
+NEAREST_M = 0.2
+PASSAGE_BEYOND_M = 1.5
+"""What is farther is free to go, as far as the picture can tell; raised where everything is farther."""
+FOREGROUND_DEPTH = 1.3
+"""What lies within this factor of the nearest surface belongs to the foreground."""
+
+Depths = NDArray[np.float64]
+
+
+class Finds(Protocol):
+    """What a taught target can do for us."""
+
+    def predict(self, image: Image) -> Sequence[Detection]:
+        """All places in the picture that look like the target, best first."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Sight:
+    """One box and how far its middle is.
+
+    distance, sigma in metres along the optical axis, None where it cannot be told; dense is the second opinion,
+    the median of the dense map about the middle; bearing in radians, positive to the left.
+    """
+
+    box: Box
+    label: str
+    bearing: float
+    distance: float | None
+    sigma: float | None
+    dense: float | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Look:
+    """Everything measured on a pair: rectified left picture, disparity, boxes, the passage beyond `beyond` m.
+
+    rig is the rectified pair's; passage.position is in the left camera's axes turned to x forward, y left, z up.
+    """
+
+    picture: Image
+    disparity: Disparity
+    rig: StereoRig
+    sights: tuple[Sight, ...]
+    passage: Passage | None
+    beyond: float
+
+
+def look(
+    left: Image, right: Image, rig: StereoRig, box: Box | None = None, target: Finds | None = None
+) -> Look:
+    """Measure a pair: the box if one is given, else every place the target is found at, and the free passage.
+
+    left, right: (H, W, 3) BGR uint8 of the rig's size, as the cameras gave them; box in pixels of that left picture.
+    Raises UserError for a box whose middle is outside and for exchanged pictures.
+    """
+    straight = rectifier(rig)
+    flat_left, flat_right = straight(left, right)
+    if health.eyes_swapped(flat_left, flat_right):
+        raise UserError(
+            "left and right picture are exchanged (everything moved the wrong way): give LEFT first"
+        )
+    marked = () if box is None else (Detection(_moved(box, straight), 1.0, ""),)
+    found = marked if target is None else tuple(target.predict(flat_left))
+    matcher = SemiGlobalMatcher(disparities=searched_disparities(straight.rig))
+    disparity = matcher(flat_left, flat_right)
+    sights = tuple(
+        _sight(flat_left, flat_right, place, straight.rig, disparity, matcher.disparities) for place in found
+    )
+    beyond = _beyond(disparity, straight.rig)
+    return Look(
+        flat_left, disparity, straight.rig, sights, free_passage(disparity, straight.rig, beyond), beyond
+    )
+
+
+def searched_disparities(rig: StereoRig) -> int:
+    """A multiple of 16: a quarter of the width, but no nearer than `NEAREST_M`.
+
+    >>> searched_disparities(StereoRig.parallel(352, 288, 305.0, 0.06))
+    96
+    """
+    most = min(SEARCHED_SHARE * rig.left.width, rig.left.fx * rig.baseline / NEAREST_M - rig.doffs)
+    return 16 * max(math.ceil(most / 16), 1)
+
+
+def depths(disparity: Disparity, rig: StereoRig) -> Depths:
+    """Z in metres of every pixel (H, W); NaN where nothing was measured."""
+    z = rig.depth(disparity.values.astype(np.float64))
+    return np.where(disparity.valid & np.isfinite(z), z, np.nan)
+
+
+def free_passage(disparity: Disparity, rig: StereoRig, beyond: float) -> Passage | None:
+    """The largest circle of pixels measured farther than `beyond` metres; None if there is none to speak of.
+
+    [T] (METHODS 10): what was not measured is not free, nor is the picture's rim; diameter 2 DT - 1 px, in metres by
+    the largest disparity on the circle's rim.
+    """
+    z = depths(disparity, rig)
+    free = np.nan_to_num(z, nan=0.0) > beyond
+    # Single unmeasured pixels are the matcher's doubts, not obstacles.
+    closed = cv2.morphologyEx(free.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8)) > 0
+    free |= closed & ~disparity.valid
+    inside = cv2.distanceTransform(np.pad(free, 1).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[
+        1:-1, 1:-1
+    ]
+    v, u = (int(c) for c in np.unravel_index(int(inside.argmax()), inside.shape))
+    radius = float(inside[v, u]) - 0.5
+    if radius < 2.0:
+        return None
+    rows, columns = np.mgrid[: free.shape[0], : free.shape[1]]
+    away = np.hypot(rows - v, columns - u)
+    rim = z[(away <= radius) & (away > 0.8 * radius) & np.isfinite(z)]
+    around = z[(away <= radius) & np.isfinite(z)]
+    if not len(rim):
+        return None
+    depth = float(np.median(around))
+    ray = np.array([1.0, -(u - rig.left.cx) / rig.left.fx, -(v - rig.left.cy) / rig.left.fy])
+    x, y, z_up = (float(c) for c in depth * ray)
+    return Passage((float(u), float(v)), radius, 2.0 * radius * float(rim.min()) / rig.left.fx, (x, y, z_up))
+
+
+def _sight(
+    left: Image, right: Image, place: Detection, rig: StereoRig, disparity: Disparity, searched: int
+) -> Sight:
+    nearest = rig.left.fx * rig.baseline / (searched + rig.doffs)
+    measured = range_box(left, right, place.box, rig, HeadMount(), 0.0, 0.0, nearest)
+    bearing = rig.left.bearing(place.box.centre[0])
+    dense = _dense(depths(disparity, rig), place.box)
+    if measured is None:
+        return Sight(place.box, place.label, bearing, None, None, dense)
+    return Sight(place.box, place.label, bearing, measured.distance, measured.sigma, dense)
+
+
+def _dense(z: Depths, box: Box) -> float | None:
+    """Median depth about the box's middle, if at least a third of it was measured."""
+    u, v = box.centre
+    half_u, half_v = max(0.15 * box.w, 2.0), max(0.15 * box.h, 2.0)
+    window = z[max(int(v - half_v), 0) : int(v + half_v) + 1, max(int(u - half_u), 0) : int(u + half_u) + 1]
+    known = window[np.isfinite(window)]
+    return float(np.median(known)) if len(known) > window.size / 3 else None
+
+
+def _beyond(disparity: Disparity, rig: StereoRig) -> float:
+    """From where on is free: `PASSAGE_BEYOND_M`, or behind the foreground where all is farther than that."""
+    z = depths(disparity, rig)
+    known = z[np.isfinite(z)]
+    nearest = float(np.percentile(known, 5.0)) if len(known) else 0.0
+    return (
+        max(PASSAGE_BEYOND_M, FOREGROUND_DEPTH * nearest) if nearest > PASSAGE_BEYOND_M else PASSAGE_BEYOND_M
+    )
+
+
+def _moved(box: Box, straight: Rectifier) -> Box:
+    """The box in the rectified picture. Raises UserError if its middle is not in the picture."""
+    eye = straight.source.left
+    u, v = box.centre
+    if not (0 <= u < eye.width and 0 <= v < eye.height):
+        raise UserError(
+            f"--box {box.x:g},{box.y:g},{box.w:g},{box.h:g}: its middle is outside the {eye.width}x{eye.height} picture"
+        )
+    corners = straight.left_points(np.array([[box.x, box.y], [box.x + box.w, box.y + box.h]]))
+    (x0, y0), (x1, y1) = corners
+    return Box(float(x0), float(y0), float(x1 - x0), float(y1 - y0))
