@@ -26,7 +26,7 @@ from robot.states.recognize import Recognize
 from robot.states.search import Search
 from robot.states.teleop import Teleop
 from robot.states.track import Track
-from robot.target import Recognizes
+from robot.looker import Recognizes
 from robot.workers import SteppedWorker, Worker
 
 

@@ -21,8 +21,13 @@ def main() -> None:
     except UserError as error:
         click.echo(f"robot: {error}", err=True)
         sys.exit(USER_ERROR)
-    except click.ClickException as error:
+    except click.exceptions.NoArgsIsHelpError as error:
         error.show()
+        sys.exit(USER_ERROR)
+    except click.ClickException as error:
+        context = getattr(error, "ctx", None)
+        command = context.command_path if context is not None else "robot"
+        click.echo(f"{command}: {' '.join(error.format_message().split())} See: {command} --help", err=True)
         sys.exit(USER_ERROR)
     except click.Abort:
         click.echo("robot: stopped by the keyboard", err=True)
@@ -51,34 +56,64 @@ def demo(seed: int, video: bool) -> int:
 
 @commands.command()
 @click.option("--config", "config_path", type=PATH, help="The robot's settings (TOML).")
-@click.option("--sim", "scene", help="Run in a simulated room: a shipped scene's name, a TOML file, or 'all'.")
+@click.option(
+    "--sim", "scene", help="Run in a simulated room: a shipped scene's name, a TOML file, or 'all'."
+)
 @click.option("--seed", default=1, show_default=True, help="Seed of a simulated run.")
 @click.option("--seeds", type=click.IntRange(1, 1000), help="Run seeds 1..N instead of one.")
-@click.option("--jobs", default=1, show_default=True, type=click.IntRange(1, 64), help="Simulated runs at a time.")
+@click.option(
+    "--jobs", default=1, show_default=True, type=click.IntRange(1, 64), help="Simulated runs at a time."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the report as JSON on standard output.")
 @click.option("--video", is_flag=True, help="Record run.mp4.")
-@click.option("--slow", default=1.0, show_default=True, type=click.FloatRange(0.1, 20), help="Vision stages take so many times longer (simulated).")
-@click.option("--fault", "faults", multiple=True, metavar="DEVICE.KIND@TIME[:DURATION]", help="Break a simulated device, e.g. camera.black@5:2.")
+@click.option(
+    "--slow",
+    default=1.0,
+    show_default=True,
+    type=click.FloatRange(0.1, 20),
+    help="Vision stages take so many times longer (simulated).",
+)
+@click.option(
+    "--fault",
+    "faults",
+    multiple=True,
+    metavar="DEVICE.KIND@TIME[:DURATION]",
+    help="Break a simulated device, e.g. camera.black@5:2.",
+)
 @click.option("--duration", type=click.FloatRange(min=0.1), help="Stop a hardware run after so many seconds.")
 def run(**options: Any) -> int:
     """Run the robot: on its hardware (--config) or in a simulated room (--sim)."""
     if options["scene"] is None:
         if options["config_path"] is None:
-            raise UserError("nothing to run: give --config FILE for the hardware or --sim SCENE for a simulated room")
+            raise UserError(
+                "nothing to run: give --config FILE for the hardware or --sim SCENE for a simulated room"
+            )
+        if options["faults"]:
+            raise UserError("--fault breaks simulated devices only: add --sim SCENE")
         from robot.run_hardware import run_hardware
 
         return run_hardware(options["config_path"], Path("runs"), options["duration"])
+    if options["duration"] is not None:
+        raise UserError("--duration is for hardware runs: a scene's own duration_s ends a simulated one")
     from robot import missions
 
     seeds = range(1, options["seeds"] + 1) if options["seeds"] else (options["seed"],)
     return missions.run_sim(
-        options["scene"], seeds, options["jobs"], options["as_json"], options["video"], options["slow"],
-        options["faults"], options["config_path"],
+        options["scene"],
+        seeds,
+        options["jobs"],
+        options["as_json"],
+        options["video"],
+        options["slow"],
+        options["faults"],
+        options["config_path"],
     )
 
 
 @commands.command()
-@click.option("--from", "source", required=True, help="Folder of pictures, video file, or a simulated teaching scene.")
+@click.option(
+    "--from", "source", required=True, help="Folder of pictures, video file, or a simulated teaching scene."
+)
 @click.option("--name", required=True, help="What the target is called.")
 @click.option("--box", help="The object in a video's first frame: x,y,w,h in pixels.")
 @click.option("--out", type=PATH, help="Model file to write  [default: models/NAME.model]")
@@ -96,7 +131,9 @@ def teach(source: str, name: str, box: str | None, out: Path | None, seed: int) 
 @click.option("--calib", "calibration", type=PATH, required=True, help="Calibration file of the pair (TOML).")
 @click.option("--target", type=PATH, help="Model of a taught target to look for.")
 @click.option("--box", help="Measure this box instead: x,y,w,h in pixels of the left picture.")
-@click.option("--out", type=PATH, default=Path("look.png"), show_default=True, help="Annotated picture to write.")
+@click.option(
+    "--out", type=PATH, default=Path("look.png"), show_default=True, help="Annotated picture to write."
+)
 def look(left: Path, right: Path, calibration: Path, target: Path | None, box: str | None, out: Path) -> int:
     """Measure range and free passage on a stereo pair of pictures."""
     from robot.look import look_at

@@ -122,7 +122,7 @@ class Mission(Struct, frozen=True, forbid_unknown_fields=True):
 
     armed_at_start: Annotated[bool, _doc("start autonomy without being asked")] = False
     stand_off_m: Annotated[float, _doc("distance to keep to the target", ge=0.3, le=5.0)] = 0.7
-    search_timeout_s: Annotated[float, _doc("give up searching after this", ge=5.0, le=3600.0)] = 60.0
+    search_timeout_s: Annotated[float, _doc("give up searching after this", ge=5.0, le=3600.0)] = 50.0
     seed: Annotated[int, _doc("for everything random in the robot", ge=0)] = 0
 
 

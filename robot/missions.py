@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import multiprocessing
+import os
 import re
 import sys
 from collections.abc import Iterator, Sequence
@@ -38,7 +39,13 @@ def demo(seed: int, video: bool) -> int:
 
 
 def run_sim(
-    scene: str, seeds: Sequence[int], jobs: int, as_json: bool, video: bool, slow: float, faults: Sequence[str],
+    scene: str,
+    seeds: Sequence[int],
+    jobs: int,
+    as_json: bool,
+    video: bool,
+    slow: float,
+    faults: Sequence[str],
     config: Path | None,
 ) -> int:
     """Run scenes with seeds; a table for people, JSON for programs."""
@@ -46,7 +53,9 @@ def run_sim(
     names = shipped_scenes() if scene == "all" else (scene,)
     options = SimOptions(slow, tuple(parse_fault(text) for text in faults))
     work = [
-        _job(load_scene(name), name, seed, options, video, config, console) for name in names for seed in seeds
+        _job(load_scene(name), name, seed, options, video, config, console)
+        for name in names
+        for seed in seeds
     ]
     reports = list(_run_all(work, jobs, console))
     if as_json:
@@ -61,7 +70,7 @@ def run_sim(
 
 def parse_fault(text: str) -> InjectedFault:
     """A fault to inject from 'device.kind@time[:duration]'. Raises UserError."""
-    match = re.fullmatch(r"(\w+)\.(\w+)@([\d.]+)(?::([\d.]+))?", text)
+    match = re.fullmatch(r"(\w+)\.(\w+)@(\d+\.?\d*)(?::(\d+\.?\d*))?", text)
     if match is None:
         raise UserError(f"--fault {text!r}: write DEVICE.KIND@TIME[:DURATION], e.g. camera.black@5:2")
     device, kind, at, duration = match.groups()
@@ -72,7 +81,13 @@ def parse_fault(text: str) -> InjectedFault:
 
 
 def _job(
-    scene: Scene, name: str, seed: int, options: SimOptions, video: bool, config: Path | None, console: Console
+    scene: Scene,
+    name: str,
+    seed: int,
+    options: SimOptions,
+    video: bool,
+    config: Path | None,
+    console: Console,
 ) -> SimJob:
     return SimJob(name, seed, taught.model_for(scene.taught_object, console), options, video, config)
 
@@ -80,12 +95,20 @@ def _job(
 def _run_all(work: Sequence[SimJob], jobs: int, console: Console) -> Iterator[dict[str, Any]]:
     """Reports in the order of the work, with a progress bar on standard error."""
     started = datetime.now()
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[words]}"), TimeElapsedColumn())
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.fields[words]}"),
+        TimeElapsedColumn(),
+    )
     with Progress(*columns, console=console, transient=True) as progress:
         if len(work) == 1:
             bar = progress.add_task(f"{work[0].scene}, seed {work[0].seed}", total=1.0, words="")
             yield run_recorded(
-                work[0], RUNS, started, lambda share, words: progress.update(bar, completed=share, words=words)
+                work[0],
+                RUNS,
+                started,
+                lambda share, words: progress.update(bar, completed=share, words=words),
             )
             return
         bar = progress.add_task("runs", total=len(work), words="")
@@ -112,8 +135,17 @@ def _print_outcome(report: dict[str, Any], console: Console) -> None:
 def _print_table(names: Sequence[str], reports: Sequence[dict[str, Any]], console: Console) -> bool:
     """One row a scene; True if all scenes are good and nothing collided."""
     table = Table(
-        "scene", "done", "found s", "range error", "in view", "at distance", "SPL", "collisions", "clearance m",
-        "false", "why not",
+        "scene",
+        "done",
+        "found s",
+        "range error",
+        "in view",
+        "at distance",
+        "SPL",
+        "collisions",
+        "clearance m",
+        "false",
+        "why not",
     )
     all_good = True
     for name in names:
@@ -123,10 +155,17 @@ def _print_table(names: Sequence[str], reports: Sequence[dict[str, Any]], consol
         all_good &= good and not any(report["collisions"] for report in rows)
         why = "; ".join(dict.fromkeys(f"{r['seed']}: {r['reason']}" for r in rows if not r["success"]))
         table.add_row(
-            name, f"[{'green' if good else 'red'}]{done}/{len(rows)}[/]", _median(rows, "found_s", 1),
-            _median(rows, "range_error_median", 3), _median(rows, "in_view", 2), _median(rows, "at_distance", 2),
-            _median(rows, "spl", 2), str(sum(r["collisions"] for r in rows)), _least(rows, "clearance_min"),
-            str(sum(r["false_detections"] for r in rows)), why,
+            name,
+            f"[{'green' if good else 'red'}]{done}/{len(rows)}[/]",
+            _median(rows, "found_s", 1),
+            _median(rows, "range_error_median", 3),
+            _median(rows, "in_view", 2),
+            _median(rows, "at_distance", 2),
+            _median(rows, "spl", 2),
+            str(sum(r["collisions"] for r in rows)),
+            _least(rows, "clearance_min"),
+            str(sum(r["false_detections"] for r in rows)),
+            why,
         )
     console.print(table)
     return all_good
@@ -147,19 +186,40 @@ def teach_target(source: str, name: str, box: str | None, out: Path | None, seed
     import cv2
 
     console = Console(stderr=True)
+    out = out or taught.FOLDER / f"{_file_name(name)}.model"
+    _check_writable(out)
     path = Path(source)
     if path.is_dir() or (path.is_file() and path.suffix != ".toml"):
         lesson = taught.from_pictures(name, path, taught.parse_box(box) if box else None, seed, console)
     else:
         load_scene(source)  # a clear error for what is neither folder, video nor scene
         lesson = taught.from_studio(name, source, seed, console)
-    out = out or taught.FOLDER / f"{name}.model"
-    out.parent.mkdir(parents=True, exist_ok=True)
     model_file.save(out, lesson.model)
-    sheet = out.with_suffix(".png")
-    cv2.imwrite(str(sheet), lesson.contact_sheet)
-    console.print(f"{name}: {lesson.summary}")
+    console.print(f"{name}: {lesson.summary()}")
     for warning in lesson.warnings:
         console.print(f"[yellow]mind:[/] {warning}")
-    console.print(f"model {out}, contact sheet {sheet}")
+    sheet = out.with_suffix(".png")
+    drawn = cv2.imwrite(str(sheet), lesson.contact_sheet)
+    console.print(
+        f"model {out}, " + (f"contact sheet {sheet}" if drawn else f"no contact sheet: cannot write {sheet}")
+    )
     return DONE
+
+
+def _file_name(name: str) -> str:
+    """The target's name as a file's. Raises UserError for one that would lead into another folder."""
+    if not name.strip() or name in (".", "..") or "/" in name or "\\" in name:
+        raise UserError(
+            f"--name {name!r}: cannot be a file's name; choose another, or say where with --out FILE"
+        )
+    return name
+
+
+def _check_writable(out: Path) -> None:
+    """Say before the work, not after it, that the model has no place. Makes the default folder if need be."""
+    if out.suffix.lower() == ".png":
+        raise UserError(f"--out {out}: the contact sheet takes that name; let the model's end in .model")
+    if out.parent == taught.FOLDER:
+        taught.FOLDER.mkdir(exist_ok=True)
+    if out.is_dir() or not os.access(out.parent, os.W_OK | os.X_OK) or not out.parent.is_dir():
+        raise UserError(f"--out {out}: cannot be written there; name a file in a folder that exists")

@@ -14,6 +14,7 @@ import numpy as np
 from calib.model import HeadMount, StereoRig
 from robot.config import Config
 from robot.governor import StagePlan, governed_rates
+from robot.looker import Looker, Recognizes
 from robot.messages import (
     Clearance,
     Detection,
@@ -27,10 +28,9 @@ from robot.messages import (
     Twist,
     View,
     Want,
-    wrap,
 )
 from robot.nav.grid import ObstacleMap
-from robot.target import Recognizes, TargetFollower, TargetSight
+from robot.target import TargetFollower, TargetSight
 from robot.vision import freespace, ground, health
 from robot.vision.stereo import FloorAlignedMatcher, SemiGlobalMatcher
 from robot.workers import Job, Result, Worker
@@ -81,6 +81,7 @@ class Perception:
         self._worker = worker
         self.map = obstacle_map
         self._matcher = FloorAlignedMatcher(SemiGlobalMatcher(disparities=config.vision.disparities), rig, mount)
+        self._looker = Looker(rig, recognizer)
         self._follower = TargetFollower(rig, mount, recognizer)
         self._percepts = Percepts()
         self._seed: tuple[View, Detection] | None = None
@@ -219,9 +220,7 @@ class Perception:
         return EyesVerdict(health.eyes_swapped(view.frame.left, view.frame.right))
 
     def _recognize(self, view: View) -> tuple[Detection, ...]:
-        found = self._recognizer.predict(view.frame.left)
-        ahead = view.base.yaw + view.head.pan
-        return tuple(replace(one, azimuth=wrap(ahead + self._rig.left.bearing(one.box.centre[0]))) for one in found)
+        return self._looker.look(view)
 
     # --------------------------------------------------------------------------------------- results
 

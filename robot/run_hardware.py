@@ -5,70 +5,137 @@ from __future__ import annotations
 import signal
 import threading
 import time
+from collections import deque
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from datetime import datetime
 from pathlib import Path
+from typing import Protocol
 
 from rich.console import Console
 
-from calib.files import load_rig
-from robot import faults, model_file
+from calib.model import StereoRig
+from robot import __version__, faults, model_file
 from robot.app import build_loop, build_perception, nominal_rig
 from robot.clock import MonotonicClock
 from robot.config import Config, load
 from robot.errors import UserError
 from robot.hal.factory import open_hardware
-from robot.loop import Devices, Loop
+from robot.loop import Devices
 from robot.messages import Fault, Tick
-from robot.record.recorder import Recorder
+from robot.record.recorder import Recorder, tick_ms
 from robot.record.run_folder import RunFolder
+from robot.rig_file import load_rig
 from robot.workers import ThreadWorker
 
 PERIOD = 0.04
+TIMED_TICKS = 15_000  # the report's tick times are those of the last ten minutes
 DONE, HARDWARE_FAULT = 0, 3
 
 
+class Ticks(Protocol):
+    """What can be ticked."""
+
+    def tick(self) -> Tick:
+        """Run one control tick."""
+        ...
+
+
 def run_hardware(config_path: Path, root: Path, duration: float | None) -> int:
-    """Run until a signal or `duration` seconds; 0, or 3 if it ended halted by a fault."""
+    """Run until a signal or `duration` seconds; 0, or 3 if it ended halted by a fault.
+
+    Raises UserError, before a device moves and without leaving a run folder, for a config, model or
+    calibration that cannot be used and for a device that is not there.
+    """
+    stop = threading.Event()
+    with stopped_by_signals(stop):
+        return run_until(stop, config_path, root, duration)
+
+
+def run_until(stop: threading.Event, config_path: Path, root: Path, duration: float | None) -> int:
+    """Like `run_hardware`, but ended by `stop`."""
     console = Console(stderr=True)
     config = load(config_path)
     recognizer = model_file.load(model_path(config, config_path)).recognizer
-    rig = load_rig(Path(config.cameras.calibration)) if config.cameras.calibration else nominal_rig(config)
-    hardware = open_hardware(config)
-    clock = MonotonicClock()
-    folder = RunFolder.create(root, datetime.now())
-    perception = build_perception(config, rig, recognizer, ThreadWorker(clock))
-    announce = Announcer(console)
-    devices = Devices(hardware.camera, hardware.head, hardware.lamp, hardware.base, hardware.teleop)
-    loop = build_loop(config, devices, perception, clock, [Recorder(folder.open_events()), announce])
-    stop = threading.Event()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda _number, _frame: stop.set())
-    console.print(f"running, {PERIOD * 1e3:.0f} ms a tick; Ctrl-C ends it; record in {folder.path}")
-    try:
-        tick_until(loop, stop, duration)
-    finally:
-        loop.close()
-        perception.close()
-        hardware.close()
-        folder.close()
-    return HARDWARE_FAULT if announce.state == "halted" else DONE
+    rig = rig_of(config)
+    with ExitStack() as closing:  # last opened, first closed: the wheels stand before anything else goes
+        hardware = open_hardware(config)
+        closing.callback(hardware.close)
+        folder = RunFolder.create(root, datetime.now())
+        closing.callback(folder.close)
+        clock = MonotonicClock()
+        perception = build_perception(config, rig, recognizer, ThreadWorker(clock))
+        closing.callback(perception.close)
+        announce = Announcer(console)
+        devices = Devices(hardware.camera, hardware.head, hardware.lamp, hardware.base, hardware.teleop)
+        loop = build_loop(config, devices, perception, clock, [Recorder(folder.open_events()), announce])
+        closing.callback(loop.close)
+        console.print(f"running, {PERIOD * 1e3:.0f} ms a tick; Ctrl-C ends it; record in {folder.path}")
+        seconds = tick_until(loop, stop, duration)
+        folder.write_report(report(announce, clock.now(), seconds))
+    return HARDWARE_FAULT if announce.halted else DONE
 
 
 def model_path(config: Config, config_path: Path) -> Path:
     """The taught target's file. Raises UserError if the config names none."""
     if not config.vision.model:
-        raise UserError(f"{config_path}: vision.model is empty; teach a target (`robot teach`) and name its file")
+        raise UserError(
+            f"{config_path}: vision.model is empty; teach a target (`robot teach`) and name its file"
+        )
     return Path(config.vision.model)
 
 
-def tick_until(loop: Loop, stop: threading.Event, duration: float | None) -> None:
-    """Tick at a steady rate; a tick that comes late is not made up for."""
-    begun = time.monotonic()
-    due = begun
+def rig_of(config: Config) -> StereoRig:
+    """The pair as calibrated, else as the config describes it. Raises UserError for another pair's calibration."""
+    eyes = config.cameras
+    if not eyes.calibration:
+        return nominal_rig(config)
+    rig = load_rig(Path(eyes.calibration))
+    if (rig.left.width, rig.left.height) != (eyes.width_px, eyes.height_px):
+        raise UserError(
+            f"{eyes.calibration} is for {rig.left.width}x{rig.left.height} pictures, the config has "
+            f"{eyes.width_px}x{eyes.height_px}: set cameras.width_px and height_px, or calibrate at that size"
+        )
+    return rig
+
+
+@contextmanager
+def stopped_by_signals(stop: threading.Event) -> Iterator[None]:
+    """SIGTERM and Ctrl-C set `stop` as long as this lasts; afterwards they mean what they meant before."""
+    before = {
+        number: signal.signal(number, lambda _number, _frame: stop.set())
+        for number in (signal.SIGTERM, signal.SIGINT)
+    }
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def tick_until(loop: Ticks, stop: threading.Event, duration: float | None) -> Sequence[float]:
+    """Tick at a steady rate; a tick that comes late is not made up for. Returns the newest ticks' seconds."""
+    begun = due = time.monotonic()
+    seconds: deque[float] = deque(maxlen=TIMED_TICKS)
     while not stop.is_set() and (duration is None or time.monotonic() - begun < duration):
+        start = time.perf_counter()
         loop.tick()
+        seconds.append(time.perf_counter() - start)
         due = max(due + PERIOD, time.monotonic())
         stop.wait(due - time.monotonic())
+    return list(seconds)
+
+
+def report(announce: Announcer, now: float, seconds: Sequence[float]) -> dict[str, object]:
+    """report.json of a run without a referee: how it ended, and whether the ticks kept time."""
+    return {
+        "success": not announce.halted,
+        "reason": announce.reason,
+        "state": announce.state,
+        "duration_s": round(now, 2),
+        "tick_ms": tick_ms(seconds),
+        "version": __version__,
+    }
 
 
 class Announcer:
@@ -78,15 +145,27 @@ class Announcer:
         self._console = console
         self._faults: dict[str, Fault] = {}
         self.state = "idle"
+        self.reason = "nothing happened"
+        """Why it is in this state."""
+
+    @property
+    def halted(self) -> bool:
+        """True if a fault has ended the robot's work."""
+        return self.state == "halted"
 
     def __call__(self, tick: Tick) -> None:
         """Print what this tick changed."""
         self.state = tick.state
         for change in tick.transitions:
-            self._console.print(f"{tick.now:7.2f} s  {change.source} -> {change.target}: {change.event.reason}")
+            self.reason = change.event.reason
+            self._say(tick, f"{change.source} -> {change.target}: {change.event.reason}")
         active = {fault.key: fault for fault in tick.faults}
-        for key in active.keys() - self._faults.keys():
-            self._console.print(f"{tick.now:7.2f} s  [red]{faults.explain(active[key])}[/]")
-        for key in self._faults.keys() - active.keys():
-            self._console.print(f"{tick.now:7.2f} s  {key} is over")
+        for key in sorted(active.keys() - self._faults.keys()):
+            self._say(tick, faults.explain(active[key]), "red")
+        for key in sorted(self._faults.keys() - active.keys()):
+            self._say(tick, f"{key} is over")
         self._faults = active
+
+    def _say(self, tick: Tick, words: str, style: str | None = None) -> None:
+        # Words may hold brackets (a fault's evidence): they are no markup.
+        self._console.print(f"{tick.now:7.2f} s  {words}", style=style, markup=False, highlight=False)

@@ -15,9 +15,10 @@ import numpy as np
 from robot import __version__, model_file
 from robot.app import head_mount, nominal_rig
 from robot.config import Config, load
+from robot.errors import UserError
 from robot.messages import Tick
 from robot.record.annotate import annotate_tick, annotated_size
-from robot.record.recorder import Recorder, WayPoint
+from robot.record.recorder import Recorder, Way, WayPoint, tick_ms
 from robot.record.run_folder import RunFolder
 from robot.record.scenery import Outline, Scenery, Stamped
 from robot.record.trajectory import plot_trajectory
@@ -42,26 +43,37 @@ class SimJob:
 
 
 def run_recorded(job: SimJob, root: Path, started: datetime, progress: Progress | None) -> dict[str, Any]:
-    """Make the run and leave its folder; returns the report."""
+    """Make the run and leave its folder; returns the report.
+
+    Raises UserError, and leaves no folder, for a scene, config or model that cannot be used.
+    """
     scene = load_scene(job.scene)
     config = load(job.config) if job.config is not None else Config()
-    folder = RunFolder.create(root, started)
+    # All that can be refused comes before the folder: a run that never began leaves nothing behind.
+    run = SimRun(scene, job.seed, model_file.load(job.model).recognizer, config, job.options)
+    try:
+        folder = RunFolder.create(root, started)
+    except UserError:
+        run.close()
+        raise
     recorder, video = _recorder(folder, config, job.video, scene.taught_object)
-    run = SimRun(scene, job.seed, model_file.load(job.model).recognizer, config, job.options, [recorder])
+    way = Way()
     wall: list[float] = []
     try:
         while not run.done:
             start = time.perf_counter()
             tick = run.step()
+            recorder(tick)
+            way(tick)
             wall.append(time.perf_counter() - start)
             if progress is not None and len(wall) % 25 == 0:
                 progress(tick.now / scene.duration_s, f"{tick.now:.0f} s: {tick.state}")
         report = run.referee.report() | {
-            "tick_ms": {"median": _ms(wall, 50), "p99": _ms(wall, 99)},
+            "tick_ms": tick_ms(wall),
             "version": __version__,
             "folder": str(folder.path),
         }
-        _plot(folder, run, recorder, f"{job.scene}, seed {job.seed}: {report['reason']}")
+        _plot(folder, run, way.points, f"{job.scene}, seed {job.seed}: {report['reason']}")
     finally:
         run.close()
         if video is not None:
@@ -71,11 +83,15 @@ def run_recorded(job: SimJob, root: Path, started: datetime, progress: Progress 
     return report | folder.recording.summary()
 
 
-def _recorder(folder: RunFolder, config: Config, with_video: bool, label: str) -> tuple[Recorder, VideoWriter | None]:
+def _recorder(
+    folder: RunFolder, config: Config, with_video: bool, label: str
+) -> tuple[Recorder, VideoWriter | None]:
     if not with_video:
         return Recorder(folder.open_events(), None, label), None
     rig, mount = nominal_rig(config), head_mount(config)
-    video = VideoWriter(folder.video_path, annotated_size(rig), config.cameras.rate_hz / VIDEO_EVERY, folder.recording)
+    video = VideoWriter(
+        folder.video_path, annotated_size(rig), config.cameras.rate_hz / VIDEO_EVERY, folder.recording
+    )
 
     def show(tick: Tick) -> None:
         if tick.view is not None and tick.view.frame.seq % VIDEO_EVERY == 0:
@@ -86,22 +102,17 @@ def _recorder(folder: RunFolder, config: Config, with_video: bool, label: str) -
     return Recorder(folder.open_events(), show, label), video
 
 
-def _ms(seconds: list[float], percentile: float) -> float:
-    return round(1e3 * float(np.percentile(seconds, percentile)), 2) if seconds else 0.0
-
-
-def _plot(folder: RunFolder, run: SimRun, recorder: Recorder, title: str) -> None:
+def _plot(folder: RunFolder, run: SimRun, way: Sequence[WayPoint], title: str) -> None:
     """trajectory.png, in the room's frame; a disk that is full ends the record, not the run."""
     truth = run.referee.scenery()
-    way = recorder.way
     changes = [(way[0].now, way[0].state)] if way else []
     changes += [(b.now, b.state) for a, b in pairwise(way) if a.state != b.state]
     wheels = truth.start.to_world(np.array([(step.pose.x, step.pose.y) for step in way]))
     scenery = Scenery(
         room=truth.room,
-        path_true=_stamped(way, truth.robot_path),
+        path_true=_stamped(way, truth.robot_path[1:]),
         path_odometry=_stamped(way, [(float(x), float(y)) for x, y in wheels]),
-        target_path=_stamped(way, truth.target_path),
+        target_path=_stamped(way, truth.target_path[1:]),
         obstacles=tuple(Outline(thing.kind, thing.corners, thing.kind == "step") for thing in truth.things),
         state_changes=tuple(changes),
         detours=tuple(_detours(changes, way[-1].now if way else 0.0)),
@@ -111,7 +122,7 @@ def _plot(folder: RunFolder, run: SimRun, recorder: Recorder, title: str) -> Non
 
 
 def _stamped(way: Sequence[WayPoint], places: Sequence[tuple[float, float]]) -> tuple[Stamped, ...]:
-    """Places, one a tick, with their ticks' times."""
+    """Places, one a tick, with their ticks' times. (The referee's paths begin one place before the first.)"""
     return tuple((step.now, x, y) for step, (x, y) in zip(way, places, strict=False))
 
 

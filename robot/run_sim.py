@@ -21,7 +21,7 @@ from robot.perception import Perception
 from robot.sim.referee import Claim, Referee
 from robot.sim.world import InjectedFault, World
 from robot.sim.scene import Scene
-from robot.target import Recognizes
+from robot.looker import Recognizes
 from robot.workers import Worker
 
 CLAIMING = ("range", "track", "avoid")

@@ -4,27 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
 
 from calib.model import HeadMount, StereoRig
-from robot.messages import Box, Detection, Image, Range, Track, View, wrap
+from robot.looker import Recognizes
+from robot.messages import Detection, Range, Track, View, wrap
 from robot.vision.ranging import range_box
 from robot.vision.tracker import TemplateTracker
 
 CONFIRM_EVERY = 0.4  # seconds of picture time between looks of the recogniser at the tracked box
 DOUBTS_ALLOWED = 3  # so many looks in a row may fail before the track counts as lost
-
-
-class Recognizes(Protocol):
-    """What the taught model can do for us."""
-
-    def predict(self, image: Image) -> list[Detection]:
-        """All places in the picture that look like the target, best first."""
-        ...
-
-    def score(self, image: Image, box: Box) -> float:
-        """How surely the box holds the target, 0..1; 0.5 is the threshold."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,7 +25,12 @@ def from_studio(name: str, scene: str, seed: int, console: Console) -> teach.Les
 
     return _with_progress(
         lambda tell: teach.teach(
-            teaching.views(scene, seed), name, seed, tell, focal_px=FOCAL_PX, created_from=f"studio {scene}, seed {seed}"
+            teaching.views(scene, seed),
+            name,
+            seed,
+            tell,
+            focal_px=FOCAL_PX,
+            created_from=f"studio {scene}, seed {seed}",
         ),
         f"Teaching the robot the {name}",
         console,
@@ -41,7 +46,9 @@ def from_pictures(name: str, source: Path, box: Box | None, seed: int, console: 
     else:
         views = teach_sources.views_from_video(source, box)
     return _with_progress(
-        lambda tell: teach.teach(views, name, seed, tell, created_from=source.name), f"Learning {name}", console
+        lambda tell: teach.teach(views, name, seed, tell, created_from=source.name),
+        f"Learning {name}",
+        console,
     )
 
 
@@ -71,8 +78,15 @@ def parse_box(text: str) -> Box:
     return Box(x, y, w, h)
 
 
-def _with_progress(work: Callable[[teach.Progress], teach.Lesson], words: str, console: Console) -> teach.Lesson:
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[stage]}"))
+def _with_progress(
+    work: Callable[[teach.Progress], teach.Lesson], words: str, console: Console
+) -> teach.Lesson:
+    columns = (
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.fields[stage]}"),
+    )
     with Progress(*columns, console=console, transient=True) as progress:
         task = progress.add_task(words, total=None, stage="")
         return work(lambda count, stage: progress.update(task, stage=f"{count} views: {stage}"))

@@ -1,9 +1,12 @@
-"""Turns ticks into the record of a run: events, the way driven, the video. Told everything, asks nobody."""
+"""Turns ticks into the record of a run: events, pictures, the way driven. Told everything, asks nobody."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
+
+import numpy as np
 
 from robot.messages import Fault, Pose2, Tick, Transition
 from robot.record.events import EventLog
@@ -29,8 +32,27 @@ class WayPoint:
     state: str
 
 
+class Way:
+    """An observer that keeps the whole way driven, one point a tick. For runs that end; it grows without limit."""
+
+    def __init__(self) -> None:
+        self.points: list[WayPoint] = []
+
+    def __call__(self, tick: Tick) -> None:
+        """Note where the robot is."""
+        self.points.append(WayPoint(tick.now, tick.odometry.pose, tick.state))
+
+
+def tick_ms(seconds: Sequence[float]) -> dict[str, float]:
+    """Median and 99th percentile of ticks' times, given in seconds, in milliseconds; zeros if there are none."""
+    if not seconds:
+        return {"median": 0.0, "p99": 0.0}
+    median, p99 = 1e3 * np.percentile(seconds, [50, 99])
+    return {"median": round(float(median), 2), "p99": round(float(p99), 2)}
+
+
 class Recorder:
-    """An observer of the loop. Writes events as they happen and a status line a second; keeps the way."""
+    """An observer of the loop. Writes events as they happen and a status line a second; shows the pictures on."""
 
     def __init__(self, log: EventLog, pictures: FrameSink | None = None, label: str = "target") -> None:
         self._log = log
@@ -41,12 +63,10 @@ class Recorder:
         self._limited: tuple[str, float] | None = None
         self._rates = ""
         self._status_at = 0.0
-        self.way: list[WayPoint] = []
 
     def __call__(self, tick: Tick) -> None:
         """Record one tick."""
         self._tick += 1
-        self.way.append(WayPoint(tick.now, tick.odometry.pose, tick.state))
         for transition in tick.transitions:
             self._note_transition(tick, transition)
         self._note_faults(tick)
@@ -97,7 +117,15 @@ class Recorder:
     def _note_status(self, tick: Tick) -> None:
         pose, target = tick.odometry.pose, tick.percepts.target
         self._log.write(
-            "status", tick.now, state=tick.state, x=pose.x, y=pose.y, yaw=pose.yaw, v=tick.sent.twist.v,
-            w=tick.sent.twist.w, pan=tick.head.pan, tilt=tick.head.tilt,
+            "status",
+            tick.now,
+            state=tick.state,
+            x=pose.x,
+            y=pose.y,
+            yaw=pose.yaw,
+            v=tick.sent.twist.v,
+            w=tick.sent.twist.w,
+            pan=tick.head.pan,
+            tilt=tick.head.tilt,
             distance=target.value.distance if target is not None else None,
         )

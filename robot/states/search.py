@@ -20,6 +20,8 @@ SETTLED = math.radians(2.5)
 TURN_PATIENCE = 6.0
 LOOK_PATIENCE = 2.5
 HINT_PICTURES = 5  # where the target was last is worth a longer look
+SWING = math.radians(20.0)  # looking about on the way, the way itself still in view
+SWING_PERIOD = 3.0
 REJECTED_FOR = 5.0  # a rejected direction is not tried again for so long
 
 
@@ -54,7 +56,7 @@ class TurnTo:
 
 @dataclass(frozen=True, slots=True)
 class Travel:
-    """Drive a path, head ahead."""
+    """Drive a path, looking about."""
 
     motion: Follow
     patience: float
@@ -148,7 +150,8 @@ class Search:
     def _travel(self, step: Travel, situation: Situation) -> tuple[HeadPose, Motion, bool]:
         pose, end = situation.odometry.pose, step.motion.path[-1]
         arrived = math.hypot(end[0] - pose.x, end[1] - pose.y) < 0.08
-        return self._ahead(), step.motion, arrived or self._waited(situation) > step.patience
+        swing = SWING * math.sin(math.tau * self._waited(situation) / SWING_PERIOD)
+        return HeadPose(swing, self._behaviour.rest_tilt), step.motion, arrived or self._waited(situation) > step.patience
 
     def _looked(self, step: Look | Glance, situation: Situation) -> bool:
         head = situation.head
