@@ -14,7 +14,7 @@ import numpy as np
 from bench.report import Bar, arguments, publish
 from robot.run_sim import SimRun
 from robot.sim.scene import load_scene
-from robot.taught import recognizer_for
+from robot.taught import target_for
 
 BANDS = ((0.5, 1.0), (1.0, 2.0), (2.0, 3.0))
 SCENES = ("standing", "moving", "post")
@@ -24,7 +24,8 @@ Sample = tuple[float, float, float]  # true, measured, sigma
 def samples(scene_name: str, seed: int) -> Iterator[Sample]:
     """True depth, measured depth and sigma of every range of one run."""
     scene = load_scene(scene_name)
-    run = SimRun(scene, seed, recognizer_for(scene.taught_object))
+    target = target_for(scene.taught_object)
+    run = SimRun(scene, seed, target.recognizer, height_m=target.height_m)
     last = -1.0
     seq_at: dict[float, int] = {}
     try:

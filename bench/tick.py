@@ -16,7 +16,7 @@ from bench.report import Bar, arguments, publish
 from robot.clock import SteppedClock
 from robot.run_sim import SimOptions, SimRun
 from robot.sim.scene import load_scene
-from robot.taught import recognizer_for
+from robot.taught import target_for
 from robot.workers import Job, Result, SteppedWorker, run
 
 
@@ -43,7 +43,8 @@ class ChargedWorker(SteppedWorker):
 def measure(scene_name: str, seed: int) -> dict[str, Any]:
     """Run one scene; wall times of the control tick without vision, ages at decision, shares of a core."""
     scene = load_scene(scene_name)
-    simulated = SimRun(scene, seed, recognizer_for(scene.taught_object), worker=(worker := ChargedWorker()))
+    target, worker = target_for(scene.taught_object), ChargedWorker()
+    simulated = SimRun(scene, seed, target.recognizer, worker=worker, height_m=target.height_m)
     ticks, track_ages, floor_ages = [], [], []
     try:
         while not simulated.done:
@@ -74,7 +75,10 @@ def measure(scene_name: str, seed: int) -> dict[str, Any]:
 def slowed(scene_name: str, seed: int) -> tuple[bool, bool]:
     """Run with every stage three times slower: whether the run said so, and whether it collided."""
     scene = load_scene(scene_name)
-    simulated = SimRun(scene, seed, recognizer_for(scene.taught_object), options=SimOptions(slow=3.0))
+    target = target_for(scene.taught_object)
+    simulated = SimRun(
+        scene, seed, target.recognizer, options=SimOptions(slow=3.0), height_m=target.height_m
+    )
     said = False
     try:
         while not simulated.done:

@@ -97,11 +97,13 @@ def loop_settings(config: Config) -> LoopSettings:
     )
 
 
-def build_perception(config: Config, rig: StereoRig, recognizer: Recognizes, worker: Worker) -> Perception:
-    """Vision with its map; the floor the robot was put on counts as free."""
+def build_perception(
+    config: Config, rig: StereoRig, recognizer: Recognizes, worker: Worker, height_m: float | None = None
+) -> Perception:
+    """Vision with its map; the floor the robot was put on counts as free. height_m: the target's, if known."""
     obstacle_map = ObstacleMap(MapSettings(body_radius=config.base.radius_m))
     obstacle_map.start_disc(Pose2(), config.base.radius_m + HANDS_WIDTH)
-    return Perception(config, rig, head_mount(config), recognizer, worker, obstacle_map)
+    return Perception(config, rig, head_mount(config), recognizer, worker, obstacle_map, height_m)
 
 
 def build_loop(

@@ -1,4 +1,4 @@
-"""The `robot` command: parses, calls, prints. Heavy imports happen inside the commands, so `--help` is quick."""
+"""The `robot` command: parses, calls, prints. Heavy imports happen in the commands, so `--help` is quick."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ DONE, FAILED, USER_ERROR, HARDWARE_FAULT = 0, 1, 2, 3
 def main() -> None:
     """Run the command line; user errors are one line on standard error and exit 2."""
     try:
-        sys.exit(commands(standalone_mode=False) or DONE)
+        sys.exit(commands(prog_name="robot", standalone_mode=False) or DONE)
     except UserError as error:
         click.echo(f"robot: {error}", err=True)
         sys.exit(USER_ERROR)

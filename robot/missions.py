@@ -101,7 +101,8 @@ def _run_all(work: Sequence[SimJob], jobs: int, console: Console) -> Iterator[di
         TextColumn("{task.fields[words]}"),
         TimeElapsedColumn(),
     )
-    with Progress(*columns, console=console, transient=True) as progress:
+    quiet = not console.is_terminal  # a bar that cannot move is only noise in a log
+    with Progress(*columns, console=console, transient=True, disable=quiet) as progress:
         if len(work) == 1:
             bar = progress.add_task(f"{work[0].scene}, seed {work[0].seed}", total=1.0, words="")
             yield run_recorded(
@@ -220,6 +221,6 @@ def _check_writable(out: Path) -> None:
     if out.suffix.lower() == ".png":
         raise UserError(f"--out {out}: the contact sheet takes that name; let the model's end in .model")
     if out.parent == taught.FOLDER:
-        taught.FOLDER.mkdir(exist_ok=True)
+        taught.make_folder()
     if out.is_dir() or not os.access(out.parent, os.W_OK | os.X_OK) or not out.parent.is_dir():
         raise UserError(f"--out {out}: cannot be written there; name a file in a folder that exists")

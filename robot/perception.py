@@ -14,7 +14,7 @@ import numpy as np
 from calib.model import HeadMount, StereoRig
 from robot.config import Config
 from robot.governor import StagePlan, governed_rates
-from robot.looker import Looker, Recognizes
+from robot.looker import Looker, Recognizes, SizeCheck
 from robot.messages import (
     Clearance,
     Detection,
@@ -72,7 +72,7 @@ class Perception:
 
     def __init__(
         self, config: Config, rig: StereoRig, mount: HeadMount, recognizer: Recognizes, worker: Worker,
-        obstacle_map: ObstacleMap,
+        obstacle_map: ObstacleMap, height_m: float | None = None,
     ) -> None:
         self._config = config
         self._rig = rig
@@ -81,8 +81,9 @@ class Perception:
         self._worker = worker
         self.map = obstacle_map
         self._matcher = FloorAlignedMatcher(SemiGlobalMatcher(disparities=config.vision.disparities), rig, mount)
-        self._looker = Looker(rig, recognizer)
-        self._follower = TargetFollower(rig, mount, recognizer)
+        size = SizeCheck(rig, mount, height_m)
+        self._looker = Looker(rig, recognizer, size)
+        self._follower = TargetFollower(rig, mount, recognizer, size)
         self._percepts = Percepts()
         self._seed: tuple[View, Detection] | None = None
         self._last_start: dict[str, float] = {}

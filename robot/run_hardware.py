@@ -56,7 +56,7 @@ def run_until(stop: threading.Event, config_path: Path, root: Path, duration: fl
     """Like `run_hardware`, but ended by `stop`."""
     console = Console(stderr=True)
     config = load(config_path)
-    recognizer = model_file.load(model_path(config, config_path)).recognizer
+    target = model_file.load(model_path(config, config_path))
     rig = rig_of(config)
     with ExitStack() as closing:  # last opened, first closed: the wheels stand before anything else goes
         hardware = open_hardware(config)
@@ -64,7 +64,7 @@ def run_until(stop: threading.Event, config_path: Path, root: Path, duration: fl
         folder = RunFolder.create(root, datetime.now())
         closing.callback(folder.close)
         clock = MonotonicClock()
-        perception = build_perception(config, rig, recognizer, ThreadWorker(clock))
+        perception = build_perception(config, rig, target.recognizer, ThreadWorker(clock), target.height_m)
         closing.callback(perception.close)
         announce = Announcer(console)
         devices = Devices(hardware.camera, hardware.head, hardware.lamp, hardware.base, hardware.teleop)
@@ -86,7 +86,7 @@ def model_path(config: Config, config_path: Path) -> Path:
 
 
 def rig_of(config: Config) -> StereoRig:
-    """The pair as calibrated, else as the config describes it. Raises UserError for another pair's calibration."""
+    """The pair as calibrated, else as the config describes it. Raises UserError for an unfit calibration."""
     eyes = config.cameras
     if not eyes.calibration:
         return nominal_rig(config)

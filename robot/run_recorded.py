@@ -50,7 +50,8 @@ def run_recorded(job: SimJob, root: Path, started: datetime, progress: Progress 
     scene = load_scene(job.scene)
     config = load(job.config) if job.config is not None else Config()
     # All that can be refused comes before the folder: a run that never began leaves nothing behind.
-    run = SimRun(scene, job.seed, model_file.load(job.model).recognizer, config, job.options)
+    target = model_file.load(job.model)
+    run = SimRun(scene, job.seed, target.recognizer, config, job.options, height_m=target.height_m)
     try:
         folder = RunFolder.create(root, started)
     except UserError:

@@ -74,7 +74,7 @@ class SimRun:
     def __init__(
         self, scene: Scene, seed: int, recognizer: Recognizes, config: Config | None = None,
         options: SimOptions | None = None, observers: Sequence[Callable[[Tick], None]] = (),
-        worker: Worker | None = None,
+        worker: Worker | None = None, height_m: float | None = None,
     ) -> None:
         options = options or SimOptions()
         self.config = armed(config or Config(), scene, seed)
@@ -82,7 +82,7 @@ class SimRun:
         self.referee = Referee(self.world)
         self.clock = SteppedClock()
         self.perception: Perception = build_perception(
-            self.config, nominal_rig(self.config), recognizer, worker or stepped_worker(self.config, options.slow)
+            self.config, nominal_rig(self.config), recognizer, worker or stepped_worker(self.config, options.slow), height_m
         )
         self._claims = Claims()
         self.devices = open_simulated(self.world, self.config)

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from calib.model import HeadMount, StereoRig
-from robot.looker import Recognizes
+from robot.looker import Recognizes, SizeCheck
 from robot.messages import Detection, Range, Track, View, wrap
 from robot.vision.ranging import range_box
 from robot.vision.tracker import TemplateTracker
 
 CONFIRM_EVERY = 0.4  # seconds of picture time between looks of the recogniser at the tracked box
+MISFITS_ALLOWED = 10  # ranges in a row at which the box would not have the target's real height
 DOUBTS_ALLOWED = 3  # so many looks in a row may fail before the track counts as lost
 
 
@@ -26,10 +27,13 @@ class TargetSight:
 class TargetFollower:
     """Follows the target from a first detection on; the recogniser looks at the box now and then."""
 
-    def __init__(self, rig: StereoRig, mount: HeadMount, recognizer: Recognizes) -> None:
+    def __init__(
+        self, rig: StereoRig, mount: HeadMount, recognizer: Recognizes, size: SizeCheck
+    ) -> None:
         self._rig = rig
         self._mount = mount
         self._recognizer = recognizer
+        self._size = size
         self._tracker: TemplateTracker | None = None
         self._lost = False
 
@@ -51,6 +55,7 @@ class TargetFollower:
         self._last_view = view
         self._confirmed_at = view.frame.captured_at
         self._doubts = 0
+        self._misfits = 0
         self._distance: float | None = None
         self._closing = 1.0
 
@@ -73,6 +78,13 @@ class TargetFollower:
             view.frame.left, view.frame.right, track.box, self._rig, self._mount, view.head.pan, view.head.tilt
         )
         self._note_distance(measured)
+        if measured is not None and not self._size.fits(track.box, measured):
+            self._misfits += 1
+            if self._misfits >= MISFITS_ALLOWED:
+                self._lost = True
+                return TargetSight(replace(track, lost=True), None)
+        else:
+            self._misfits = 0
         return TargetSight(track, measured)
 
     def _shift(self, view: View) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""Taught targets on disk: `robot teach` writes them, simulated runs find or make the one their scene needs."""
+"""Taught targets on disk: `robot teach` writes them, simulated runs find or make the one they need."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
 from robot import model_file, teach, teach_sources
 from robot.errors import UserError
 from robot.messages import Box
-from robot.vision.recognizer import Recognizer
 
 FOLDER = Path("models")
 FOCAL_PX = 305.0  # of the simulated eyes the studio's pictures are taken with
@@ -56,15 +55,26 @@ def model_for(target: str, console: Console) -> Path:
     """The model file of a simulated target; made in the studio if it is not there yet."""
     path = FOLDER / f"{target}.model"
     if not path.exists():
+        make_folder()
         lesson = from_studio(target, f"teach-{target}", STUDIO_SEED, console)
-        FOLDER.mkdir(exist_ok=True)
         model_file.save(path, lesson.model)
     return path
 
 
-def recognizer_for(target: str, console: Console | None = None) -> Recognizer:
-    """The recogniser of a simulated target, taught first if need be."""
-    return model_file.load(model_for(target, console or Console(stderr=True))).recognizer
+def make_folder() -> None:
+    """Make the folder of the models. Raises UserError where that cannot be."""
+    try:
+        FOLDER.mkdir(exist_ok=True)
+    except OSError as error:
+        raise UserError(
+            f"cannot make the folder {FOLDER.absolute()} for taught models ({error.strerror}); "
+            "work in a folder you may write to"
+        ) from None
+
+
+def target_for(target: str, console: Console | None = None) -> model_file.Model:
+    """The model of a simulated target, taught first if need be."""
+    return model_file.load(model_for(target, console or Console(stderr=True)))
 
 
 def parse_box(text: str) -> Box:
@@ -87,6 +97,7 @@ def _with_progress(
         BarColumn(),
         TextColumn("{task.fields[stage]}"),
     )
-    with Progress(*columns, console=console, transient=True) as progress:
+    quiet = not console.is_terminal  # a bar that cannot move is only noise in a log
+    with Progress(*columns, console=console, transient=True, disable=quiet) as progress:
         task = progress.add_task(words, total=None, stage="")
         return work(lambda count, stage: progress.update(task, stage=f"{count} views: {stage}"))

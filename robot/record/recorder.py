@@ -33,7 +33,7 @@ class WayPoint:
 
 
 class Way:
-    """An observer that keeps the whole way driven, one point a tick. For runs that end; it grows without limit."""
+    """An observer that keeps the whole way driven, one point a tick: for runs that end."""
 
     def __init__(self) -> None:
         self.points: list[WayPoint] = []
@@ -44,7 +44,7 @@ class Way:
 
 
 def tick_ms(seconds: Sequence[float]) -> dict[str, float]:
-    """Median and 99th percentile of ticks' times, given in seconds, in milliseconds; zeros if there are none."""
+    """Median and 99th percentile in milliseconds of ticks' times in seconds; zeros if there are none."""
     if not seconds:
         return {"median": 0.0, "p99": 0.0}
     median, p99 = 1e3 * np.percentile(seconds, [50, 99])
@@ -52,7 +52,7 @@ def tick_ms(seconds: Sequence[float]) -> dict[str, float]:
 
 
 class Recorder:
-    """An observer of the loop. Writes events as they happen and a status line a second; shows the pictures on."""
+    """An observer of the loop: writes events as they happen and a status line a second; hands pictures on."""
 
     def __init__(self, log: EventLog, pictures: FrameSink | None = None, label: str = "target") -> None:
         self._log = log

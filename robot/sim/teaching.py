@@ -23,7 +23,8 @@ from robot.sim.world import World
 
 YAW_STEPS = 24
 DISTANCES_M = (0.5, 0.7, 1.0, 1.5, 2.1)
-LIGHTS = (0.9, 0.6, 1.05, 0.4)
+LIGHTS = ((0.9, 0.0), (0.6, 0.0), (1.05, 0.0), (0.4, 0.0), (0.03, 1.0))
+"""Level of the room's light and of the lamp, one turn of the table each: the last is the night with the lamp on."""
 STUDIO_SALT = 0x7EAC
 """Mixed into the seed, so that no scored scene draws what a studio draws."""
 MARGIN_PX = 3
@@ -51,7 +52,7 @@ def studios() -> tuple[str, ...]:
 
 
 def views(scene_name_or_path: str | Path, seed: int) -> Iterator[TeachingView]:
-    """About 100 views of the scene's target, the same for the same seed. SceneError if it has no target.
+    """About 120 views of the scene's target, the same for the same seed. SceneError if it has no target.
 
     >>> from itertools import islice
     >>> for view in islice(views("teach-box", seed=0), 2):
@@ -63,8 +64,9 @@ def views(scene_name_or_path: str | Path, seed: int) -> Iterator[TeachingView]:
     if scene.target is None:
         raise SceneError(f"{scene_name_or_path}: has no [target] to teach from")
     rng = np.random.default_rng([seed, STUDIO_SALT, zlib.crc32(scene.name.encode())])
-    for light in LIGHTS:
+    for light, lamp in LIGHTS:
         studio = World(_lit(scene, light), int(rng.integers(2**31)))
+        studio.lamp.send(lamp, studio.now)
         try:
             yield from _round(studio, rng)
         finally:
@@ -105,6 +107,7 @@ def _look(
     studio.head.send(HeadPose(bearing + rng.uniform(-0.1, 0.1), down), studio.now)
     for _ in range(12):
         studio.step()
+        studio.camera.latest(studio.now)  # the exposure adapts on pictures that are taken
     moment = studio.moment
     frame = studio.camera.latest(studio.now)
     box, share = truth.visible(moment)

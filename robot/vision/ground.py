@@ -135,7 +135,7 @@ def find_obstacles(
     grey_left, grey_right = _grey(left), _grey(right)
     homography = ground_homography(rig, rotation, float(eye[2]))
     bright = disagreement(grey_left, grey_right, homography)
-    corners = _corners(grey_left, bright)
+    corners = _corners(grey_left, bright & _feet(rig, rotation, eye, limits.max_range, grey_left.shape[0]))
     reach = int(np.ceil(rig.left.fx * rig.baseline / limits.min_depth - rig.doffs))
     disparity, good = match_along_rows(grey_left, grey_right, corners, reach)
     depth = rig.left.fx * rig.baseline / np.maximum(disparity + rig.doffs, 0.1)
@@ -198,6 +198,13 @@ def _correlate(picture: Image, other: Image, u: int, v: int, low: int, high: int
     before, here, after = (float(s) for s in score[best - 1 : best + 2])
     bend = before - 2.0 * here + after
     return low + best + (0.5 * (before - after) / bend if bend < 0.0 else 0.0)
+
+
+def _feet(rig: StereoRig, rotation: Matrix, eye: Vector, reach: float, height: int) -> Mask:
+    """Rows (H, 1) in which the feet of all that stands within `reach` appear: corners are not for the far wall."""
+    drop = -(rotation[2, 1] * (np.arange(height) - rig.left.cy) / rig.left.fy + rotation[2, 2])
+    feet: Mask = drop[:, None] > eye[2] / reach
+    return feet
 
 
 def _corners(grey: Image, bright: Mask) -> Pixels:

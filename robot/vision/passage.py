@@ -101,12 +101,18 @@ def centroid_circle(free: Mask) -> Circle | None:
     return _circle(u, v, float(distance[round(v), round(u)]))
 
 
-def rim_disparity(circle: Circle, disparity: Disparity, rig: StereoRig) -> float | None:
-    """The largest disparity (from the principal points, px) measured on the circle's rim; None if none was."""
+def rim_disparity(circle: Circle, disparity: Disparity, rig: StereoRig, free: Mask) -> float | None:
+    """The largest disparity (from the principal points, px) measured on the circle's rim; None if none was.
+
+    free: (H, W), the mask the circle was found in. What is not free bounds the circle; where only the picture's
+    border does, all of the rim counts.
+    """
     height, width = disparity.values.shape
     u, v = circle.centre
     away = np.hypot(np.arange(width)[None, :] - u, np.arange(height)[:, None] - v)
     rim = disparity.valid & (np.abs(away - circle.radius_px) <= RIM_PX)
+    bounds = rim & ~free
+    rim = bounds if bounds.any() else rim
     if not rim.any():
         return None
     largest = float(disparity.values[rim].max()) + rig.doffs
@@ -150,10 +156,11 @@ def free_passage(
     free = farther_than(disparity, rig, beyond) | on_floor(disparity, rig, mount, pan, tilt)
     # Single unmeasured pixels are the matcher's doubts, not obstacles.
     closed = cv2.morphologyEx(free.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8)) > 0
-    circle = inscribed_circle(free | (closed & ~disparity.valid))
+    free |= closed & ~disparity.valid
+    circle = inscribed_circle(free)
     if circle is None or circle.radius_px < MIN_RADIUS_PX:
         return None
-    rim = rim_disparity(circle, disparity, rig)
+    rim = rim_disparity(circle, disparity, rig, free)
     if rim is None:
         return None
     rotation, eye = mount.left_eye(pan, tilt)

@@ -32,6 +32,8 @@ NOISE_ENERGY = 0.016
 SIGMA_WINDOW_PX = 9
 HIDDEN_SLACK_PX = 1.0
 """Noise makes columns cross by less than this."""
+MAX_DISAGREEMENT_PX = 2.0
+"""Between the two eyes' searches, the right eye's being half as fine."""
 MAX_JUMP_PX = 1.5
 """Between the left and the right neighbour; a surface seen so obliquely is not measured."""
 BLOCK_PX = 5
@@ -60,8 +62,8 @@ class Matcher(Protocol):
 class SemiGlobalMatcher:
     """Semi-global block matching over `disparities` columns, 0 .. disparities - 1.
 
-    What lies nearer than the search reaches comes out invalid, never far: a second run at half the resolution
-    searches twice as far. Points the right eye cannot see (left margin) are invalid. The standard deviation of
+    A match counts if the right eye finds it too (left-right check). That second search runs at half the
+    resolution and reaches twice as far, so what lies nearer than the search comes out invalid, never far. The standard deviation of
     a value follows from the picture's noise and the texture about the pixel (as of least-squares matching);
     where it exceeds `MAX_SIGMA_PX`, as on blank walls and in the dark, the value is invalid.
 
@@ -71,7 +73,8 @@ class SemiGlobalMatcher:
     Raises:
         ValueError: disparities not a positive multiple of 16, or eyes of different size.
 
-    >>> scene = np.random.default_rng(1).integers(0, 255, (64, 160), np.uint8)
+    >>> noise = np.random.default_rng(1).integers(0, 255, (64, 160), np.uint8)
+    >>> scene = cv2.GaussianBlur(noise, (0, 0), 1.5)
     >>> found = SemiGlobalMatcher(32)(scene[:, :120], scene[:, 8:128])
     >>> round(float(np.median(found.values[found.valid])))
     8
@@ -93,7 +96,7 @@ class SemiGlobalMatcher:
         sigma = match_sigma(smooth_left, _noise(grey_left))
         columns = np.arange(left.shape[1], dtype=np.float32)
         valid = (values > 0.0) & (values <= columns) & (sigma <= MAX_SIGMA_PX)
-        valid &= ~self._too_near(smooth_left, smooth_right) & ~_torn(values)
+        valid &= self._confirmed(smooth_left, smooth_right, values) & ~_torn(values)
         valid &= ~_hidden(columns - values, valid)
         return Disparity(np.where(valid, values, np.float32(0.0)), valid, sigma)
 
@@ -105,14 +108,20 @@ class SemiGlobalMatcher:
         )
         return matcher.compute(wide_left, wide_right)[:, margin:].astype(np.float32) * np.float32(1 / 16)
 
-    def _too_near(self, left: Image, right: Image) -> Mask:
-        """Pixels whose match lies at or beyond the end of the search, by a look at half the resolution."""
-        halves = (cv2.resize(g, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for g in (left, right))
-        beyond = 2.0 * self._match(self._coarse, *halves) >= self.disparities - 2
-        grown = cv2.dilate(beyond.astype(np.uint8), np.ones((3, 3), np.uint8))
-        full = cv2.resize(grown, (left.shape[1], left.shape[0]), interpolation=cv2.INTER_NEAREST)
-        near: Mask = full > 0
-        return near
+    def _confirmed(self, left: Image, right: Image, values: Floats) -> Mask:
+        """Pixels whose match the right eye finds too, searching twice as far at half the resolution."""
+        halves = [cv2.resize(g, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)[:, ::-1] for g in (right, left)]
+        seen_back = 2.0 * self._match(self._coarse, *halves)[:, ::-1]
+        height, width = values.shape
+        columns = np.arange(width, dtype=np.float32) - values
+        rows = np.repeat(np.arange(height, dtype=np.float32)[:, None], width, axis=1)
+        # Pixel k of the half-size picture covers pixels 2k and 2k + 1.
+        back = cv2.remap(
+            np.ascontiguousarray(seen_back), 0.5 * columns - 0.25, 0.5 * rows - 0.25, cv2.INTER_NEAREST,
+            borderMode=cv2.BORDER_CONSTANT, borderValue=-100.0,
+        )  # fmt: skip
+        confirmed: Mask = np.abs(back - values) <= MAX_DISAGREEMENT_PX
+        return confirmed
 
 
 class FloorAlignedMatcher:

@@ -1,5 +1,6 @@
 """The dense matchers: true disparities, honest sigma, and never far where it is near."""
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -13,7 +14,8 @@ from robot.vision.stereo import FloorAlignedMatcher, SemiGlobalMatcher, floor_di
 
 def shifted_pair(shift, seed=0, shape=(96, 240)):
     rng = np.random.default_rng(seed)
-    scene = rng.integers(0, 256, (shape[0], shape[1] + 160), np.uint8)
+    rough = cv2.GaussianBlur(rng.standard_normal((shape[0], shape[1] + 160)), (0, 0), 1.5)
+    scene = cv2.normalize(rough, None, 0, 255, cv2.NORM_MINMAX).astype(np.uint8)
     left = scene[:, : shape[1]]
     return left, scene[:, shift : shift + shape[1]]
 
@@ -49,7 +51,7 @@ def test_blank_and_dark_pictures_measure_nothing():
         left, right = (
             np.clip(level + noise * rng.standard_normal((288, 352, 3)), 0, 255).astype(np.uint8) for _ in range(2)
         )
-        assert SemiGlobalMatcher(64)(left, right).valid.mean() < 0.005
+        assert SemiGlobalMatcher(64)(left, right).valid.mean() < 0.02
 
 
 def test_the_floor_is_measured_without_bias_and_with_honest_sigma():
