@@ -31,7 +31,7 @@ from robot.messages import (
 )
 from robot.nav.grid import ObstacleMap
 from robot.target import TargetFollower, TargetSight
-from robot.vision import freespace, ground, health
+from robot.vision import freespace, ground, health, passage
 from robot.vision.stereo import FloorAlignedMatcher, SemiGlobalMatcher
 from robot.workers import Job, Result, Worker
 
@@ -209,7 +209,8 @@ class Perception:
 
     def _free_space(self, view: View) -> FreeSpace:
         disparity = self._matcher(view.frame.left, view.frame.right, view.head.pan, view.head.tilt)
-        return freespace.free_space(disparity, self._rig, self._mount, view.head.pan, view.head.tilt)
+        seen = (disparity, self._rig, self._mount, view.head.pan, view.head.tilt)
+        return replace(freespace.free_space(*seen), passage=passage.free_passage(*seen))
 
     def _ground(self, view: View) -> Obstacles:
         points = ground.obstacle_points(

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from robot import model_file, taught
+from robot.model_file import Model
 from robot.sim import teaching
 from robot.teach import teach
-from robot.vision.recognizer import Recognizer
 
 ModelOf = Callable[[str], Path]
 
@@ -43,9 +43,9 @@ def box_model(model_of: ModelOf) -> Path:
 
 
 @pytest.fixture(scope="session")
-def box_recognizer(box_model: Path) -> Recognizer:
-    """The recogniser of the simulated box."""
-    return model_file.load(box_model).recognizer
+def box(box_model: Path) -> Model:
+    """The taught simulated box."""
+    return model_file.load(box_model)
 
 
 @contextmanager

@@ -1,9 +1,9 @@
-"""Where the floor is free, from a disparity map: every measured pixel becomes a point, cells on the floor vote.
+"""Where the floor is free, from a disparity map: measured pixels become points, cells on the floor vote.
 
-The floor is divided into polar cells about the robot's origin. A cell is *free* where enough of the pixels that
-look at its piece of floor measure floor there, *occupied* where enough points stand up from it (or fall away).
-Each sector is then walked outward: it ends at the first occupied cell and at the first gap of unseen cells.
-Unmeasured is not free. Sources: METHODS 10 (free passage on wheels: take the floor out first), METHODS 4.
+The floor is divided into polar cells about the robot's origin. A cell is *free* where enough of the pixels
+that look at its piece of floor measure floor there, *occupied* where enough points stand up from it (or fall
+away). Each sector is then walked outward: it ends at the first occupied cell and at the first gap of unseen
+cells. Unmeasured is not free. Sources: METHODS 10 (on wheels take the floor out first), METHODS 4.
 """
 
 from __future__ import annotations
@@ -17,19 +17,28 @@ from numpy.typing import NDArray
 
 from calib.model import HeadMount, StereoRig
 from robot.messages import FreeSpace, Points
+from robot.vision.levelling import floor_plane
 from robot.vision.stereo import Disparity
 
 Floats = NDArray[np.float32]
 Counts = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 Index = NDArray[np.intp]
+Vector = NDArray[np.float64]
 
+LEVEL_RANGE = 2.4
+"""The floor's tilt is read off pixels that look at floor within so many metres."""
 ROW_STEP = 2
 """Every second row is looked at: neighbouring rows of a matcher's map say the same."""
 
 SUPPORT = 20.0
-"""Pixels (at every second row) that must stand up in a cell one metre away; a lens sees more of what is nearer.
+"""Pixels (at every second row) that must stand up in a cell one metre away; more where it is nearer.
 A 4 cm step fills 50 there, a post of 3 cm hundreds; a false match, rarely 20."""
+
+GATE_SHARE = 0.6
+"""Of the step height: from there on a pixel stands up, for a step's own height is seen blurred."""
+OPEN_SHARE, OWN_SHARE = 0.35, 0.15
+"""Of the pixels that look at a cell and its neighbours (of the cell alone) so many must measure floor."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +65,7 @@ class FloorLimits:
 class _Look:
     """The pixels looked at, flat arrays of one length; positions in the robot frame.
 
-    floor_x, floor_y: where the pixel's ray meets the floor (inf above the horizon). sigma: of a height, metres.
+    floor_x, floor_y: where the pixel's ray meets the floor, far away above the horizon; sigma: of a height.
     """
 
     x: Floats
@@ -112,10 +121,25 @@ def free_space(
         limits: what counts as floor.
 
     Returns:
-        Sectors and obstacle points in the robot frame. Heights are accurate to sigma_d z / d times the ray's
-        slope; a point is an obstacle if it stands `step_height` above the floor by more than that allows, yet
-        never needs to stand higher than twice the step height within a metre.
+        Sectors and obstacle points in the robot frame. A height is accurate to sigma_d z / d times the
+        ray's drop. A pixel stands up if it is higher than 0.6 `step_height` and 2.5 such sigma, but never
+        needs more than about twice the step height; a cell needs many such pixels.
+
+    Raises:
+        ValueError: the disparity map has not the rig's size.
+
+    >>> from robot.vision.stereo import floor_disparities
+    >>> floor = floor_disparities(StereoRig.parallel(352, 288, 305.0, 0.06), HeadMount(), 0.0, 0.35, 288)
+    >>> values = np.repeat(np.maximum(floor, 0.0)[:, None], 352, axis=1)
+    >>> flat = Disparity(values, values > 0.0, np.full_like(values, 0.2))
+    >>> look = free_space(flat, StereoRig.parallel(352, 288, 305.0, 0.06), HeadMount(), 0.0, 0.35)
+    >>> len(look.obstacles), bool(look.free[len(look.free) // 2] > 2.5)
+    (0, True)
     """
+    if disparity.values.shape != (rig.left.height, rig.left.width):
+        raise ValueError(
+            f"the disparity map is {disparity.values.shape[::-1]}, the rig {rig.left.width}x{rig.left.height}"
+        )
     limits = limits or FloorLimits()
     look = _level(_look(disparity, rig, mount, pan, tilt), limits)
     cells = _raster(look, rig, mount, limits)
@@ -124,7 +148,7 @@ def free_space(
         return FreeSpace(none, none, none, np.zeros((0, 2)))
     occupied, free, points = _vote(look, cells, limits)
     near, far = _walk(free, occupied, cells, limits)
-    bearings = cells.first + (np.arange(cells.sectors) + 0.5) * cells.sector
+    bearings: Vector = np.asarray(cells.first + (np.arange(cells.sectors) + 0.5) * cells.sector, np.float64)
     return FreeSpace(bearings, near, far, points)
 
 
@@ -141,7 +165,9 @@ def merge(free: FreeSpace, obstacles: Points) -> FreeSpace:
     points = points.reshape(len(points), -1)[:, :2]
     ends = free.free.copy()
     if len(free.bearings):
-        half = 0.5 * (float(np.median(np.diff(free.bearings))) if len(free.bearings) > 1 else math.radians(1.5))
+        half = 0.5 * (
+            float(np.median(np.diff(free.bearings))) if len(free.bearings) > 1 else math.radians(1.5)
+        )
         away = np.hypot(points[:, 0], points[:, 1])
         off = np.abs(np.arctan2(points[:, 1], points[:, 0])[:, None] - free.bearings)
         reach = np.where(off <= half, away[:, None], np.inf).min(axis=0)
@@ -166,35 +192,26 @@ def _look(disparity: Disparity, rig: StereoRig, mount: HeadMount, pan: float, ti
     ]
     depth = np.float32(left.fx * rig.baseline) / np.where(measured, values, np.float32(1.0))
     x, y, h = (np.float32(eye[k]) + depth * ray[k] for k in range(3))
-    sigma = depth * np.abs(ray[2]) * disparity.sigma_px[::ROW_STEP] / np.where(measured, values, np.float32(1.0))
+    sigma = (
+        depth * np.abs(ray[2]) * disparity.sigma_px[::ROW_STEP] / np.where(measured, values, np.float32(1.0))
+    )
     drop = np.maximum(-ray[2], np.float32(1e-6))
     reach = np.where(drop > 0.02, np.float32(eye[2]) / drop, np.float32(1e4))
     floor_x, floor_y = np.float32(eye[0]) + reach * ray[0], np.float32(eye[1]) + reach * ray[1]
-    return _Look(*(a.ravel() for a in (x, y, h, sigma, measured, floor_x, floor_y)))
+    x, y, h, sigma, floor_x, floor_y = (
+        np.asarray(a, np.float32).ravel() for a in (x, y, h, sigma, floor_x, floor_y)
+    )
+    return _Look(x, y, h, sigma, measured.ravel(), floor_x, floor_y)
 
 
 def _level(look: _Look, limits: FloorLimits) -> _Look:
-    """Heights over the floor as it lies in this picture: a base that brakes tips by a degree.
-
-    Tukey's biweight from the nominal plane, narrowing; a prior keeps unseen directions at rest.
-    """
-    rows = np.flatnonzero(look.measured & (np.abs(look.height) < 0.06) & (look.floor_x**2 + look.floor_y**2 < 6.0))
-    rows = rows[:: max(1, len(rows) // 3000)]
-    if len(rows) < 60:
-        return look
-    basis = np.stack([np.ones(len(rows)), look.x[rows], look.y[rows]])
-    height, spread = look.height[rows].astype(np.float64), look.sigma[rows].astype(np.float64) + 0.002
-    prior = np.diag([0.005, math.radians(0.5), math.radians(0.3)]) ** 2
-    rest = np.linalg.inv(prior)
-    plane = np.zeros(3)
-    for scale in (0.035, 0.025, 0.018, 0.018):
-        off = (height - plane @ basis) / (scale + 2.0 * spread)
-        # Neighbouring pixels err together: some 3000 of them weigh as fifty independent ones.
-        weight = np.where(np.abs(off) < 1.0, (1.0 - off * off) ** 2, 0.0) / spread**2 * (50.0 / len(rows))
-        plane = np.linalg.solve((basis * weight) @ basis.T + rest, basis @ (weight * height))
-    lift = np.clip(plane, (-limits.max_lift, -limits.max_pitch, -limits.max_pitch), None)
-    lift = np.minimum(lift, (limits.max_lift, limits.max_pitch, limits.max_pitch)).astype(np.float32)
-    return replace(look, height=look.height - (lift[0] + lift[1] * look.x + lift[2] * look.y))
+    """Heights over the floor as it lies in this picture: a base that brakes tips by a degree."""
+    floor_range = np.hypot(look.floor_x, look.floor_y)
+    rows = np.flatnonzero(look.measured & (floor_range < LEVEL_RANGE))
+    bound = np.array([limits.max_lift, limits.max_pitch, limits.max_pitch])
+    plane = floor_plane(look.x[rows], look.y[rows], look.height[rows], look.sigma[rows])
+    lift, ahead, aside = np.clip(plane, -bound, bound).astype(np.float32)
+    return replace(look, height=look.height - (lift + ahead * look.x + aside * look.y))
 
 
 # ---------------------------------------------------------------------------------------- points to cells
@@ -220,7 +237,9 @@ def _raster(look: _Look, rig: StereoRig, mount: HeadMount, limits: FloorLimits) 
 
 def _vote(look: _Look, cells: _Cells, limits: FloorLimits) -> tuple[Mask, Mask, Points]:
     """Which cells are occupied, which are free, and the obstacle points."""
-    gate = np.minimum(0.6 * limits.step_height + 2.5 * look.sigma, 2.0 * limits.step_height + 0.03 * look.sigma)
+    gate = np.minimum(
+        GATE_SHARE * limits.step_height + 2.5 * look.sigma, 2.0 * limits.step_height + 0.03 * look.sigma
+    )
     up = look.measured & (look.height > gate) & (look.height < limits.body_height)
     down = look.measured & (look.height < -limits.step_height - 3.0 * look.sigma)
     level = look.measured & (np.abs(look.height) <= gate)
@@ -238,13 +257,13 @@ def _vote(look: _Look, cells: _Cells, limits: FloorLimits) -> tuple[Mask, Mask, 
     sure = occupied & (standing >= 2.0 * needed)
     occupied |= falling >= np.maximum(needed, 0.6 * expected)
     share = _blur(floor) / np.maximum(_blur(expected), 1.0)
-    free = (share >= 0.35) & (expected > 0) & ~occupied
+    free = (share >= OPEN_SHARE) & (floor >= OWN_SHARE * expected) & (expected > 0) & ~occupied
     hit = up & inside & occupied.ravel()[place]
     return occupied, free, _points(look, place, hit, occupied, sure, cells)
 
 
 def _blur(counts: Counts) -> Counts:
-    return cv2.blur(counts, (1, 3), borderType=cv2.BORDER_CONSTANT)
+    return cv2.blur(counts, (1, 3), borderType=cv2.BORDER_CONSTANT).astype(np.float32, copy=False)
 
 
 def _points(look: _Look, place: Index, hit: Mask, occupied: Mask, sure: Mask, cells: _Cells) -> Points:

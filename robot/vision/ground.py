@@ -1,7 +1,7 @@
 """Obstacles by the ground-plane homography: what the warped eyes disagree on does not lie on the floor.
 
-The floor's homography takes left pixels to right ones; the right picture warped by it agrees with the left one
-on the floor, whatever is painted there. Corners in regions that disagree are matched along their row,
+The floor's homography takes left pixels to right ones; the right picture warped by it agrees with the left
+one on the floor, whatever is painted there. Corners in regions that disagree are matched along their row,
 triangulated, and kept if they stand up from the floor or lie below it.
 Source: [B], METHODS 4 first paragraph; the left-right check, the gates and the neighbour rule are ours.
 """
@@ -72,8 +72,8 @@ def ground_homography(rig: StereoRig, rotation: Matrix, height: float) -> Matrix
     Raises:
         ValueError: height not positive.
 
-    >>> H = ground_homography(StereoRig.parallel(352, 288, 305.0, 0.06), HeadMount().left_eye(0.0, 0.3)[0], 0.25)
-    >>> H.shape
+    >>> rig = StereoRig.parallel(352, 288, 305.0, 0.06)
+    >>> ground_homography(rig, HeadMount().left_eye(0.0, 0.3)[0], 0.25).shape
     (3, 3)
     """
     if not height > 0.0:
@@ -181,7 +181,7 @@ def match_along_rows(left: Image, right: Image, corners: Pixels, reach: int) -> 
 
 
 def _correlate(picture: Image, other: Image, u: int, v: int, low: int, high: int) -> float | None:
-    """Column in low..high (clipped) of row v where `other` looks like `picture` about (u, v); None with doubt."""
+    """Column in low..high of row v where `other` looks like `picture` about (u, v); None with doubt."""
     height, width = picture.shape
     low, high = max(low, PATCH), min(high, width - 1 - PATCH)
     if not (PATCH <= u < width - PATCH and PATCH + 1 <= v < height - PATCH - 1) or high - low < 4:
@@ -201,7 +201,7 @@ def _correlate(picture: Image, other: Image, u: int, v: int, low: int, high: int
 
 
 def _feet(rig: StereoRig, rotation: Matrix, eye: Vector, reach: float, height: int) -> Mask:
-    """Rows (H, 1) in which the feet of all that stands within `reach` appear: corners are not for the far wall."""
+    """Rows (H, 1) where the feet of all that stands within `reach` appear: no corners for the far wall."""
     drop = -(rotation[2, 1] * (np.arange(height) - rig.left.cy) / rig.left.fy + rotation[2, 2])
     feet: Mask = drop[:, None] > eye[2] / reach
     return feet
@@ -218,9 +218,16 @@ def _standing(
     pixels: Pixels, depth: Vector, rig: StereoRig, rotation: Matrix, eye: Vector, limits: GroundLimits
 ) -> GroundObstacles:
     camera = rig.left
-    rays = np.column_stack(
-        [(pixels[:, 0] - camera.cx) / camera.fx, (pixels[:, 1] - camera.cy) / camera.fy, np.ones(len(pixels))]
-    ) @ rotation.T
+    rays = (
+        np.column_stack(
+            [
+                (pixels[:, 0] - camera.cx) / camera.fx,
+                (pixels[:, 1] - camera.cy) / camera.fy,
+                np.ones(len(pixels)),
+            ]
+        )
+        @ rotation.T
+    )
     points = eye + depth[:, None] * rays
     sigma = depth**2 * MATCH_SIGMA_PX / (camera.fx * rig.baseline)
     away = np.hypot(points[:, 0], points[:, 1])

@@ -1,7 +1,7 @@
 """The free passage in a disparity map: the largest circle of free pixels, in pixels and in metres.
 
-Two circles: `inscribed_circle` is the true largest one (maximum of the distance transform), `centroid_circle` the
-published one about the region's centroid, which has none where the centroid lies outside the region.
+Two circles: `inscribed_circle` is the true largest one (maximum of the distance transform), `centroid_circle`
+the published one about the region's centroid, which has none where the centroid lies outside the region.
 Source: [T] by METHODS 10; the metric scale by the nearest rim point and the floor taken out are ours.
 """
 
@@ -25,11 +25,13 @@ RIM_PX = 2.0
 NOISE_PX = 3
 """Free specks and threads thinner than this are noise."""
 MIN_RADIUS_PX = 3.0
+SPECK_PX = 60
+"""So few standing pixels are false matches."""
 
 
 @dataclass(frozen=True, slots=True)
 class Circle:
-    """centre (u, v) and diameter in pixels; diameter = 2 DT - 1, DT the centre's distance to the nearest blocked pixel."""
+    """centre (u, v) and diameter in pixels: 2 DT - 1, DT its distance to the nearest blocked pixel."""
 
     centre: tuple[float, float]
     diameter_px: float
@@ -53,11 +55,19 @@ def on_floor(
     disparity: Disparity, rig: StereoRig, mount: HeadMount, pan: float, tilt: float, step_height: float = 0.03
 ) -> Mask:
     """Pixels (H, W) measured on the floor, up to `step_height` above or below it: wheels go there."""
-    floor = floor_disparities(rig, mount, pan, tilt, disparity.values.shape[0])[:, None] + np.float32(rig.doffs)
+    floor = floor_disparities(rig, mount, pan, tilt, disparity.values.shape[0])[:, None] + np.float32(
+        rig.doffs
+    )
     eye_height = float(mount.left_eye(pan, tilt)[1][2])
     # h = eye height (1 - d_floor / d): a height is a ratio of disparities.
-    height = eye_height * (1.0 - floor / np.maximum(disparity.values + np.float32(rig.doffs), np.float32(0.1)))
-    near: Mask = disparity.valid & (floor > 0) & (np.abs(height) < step_height + 2.0 * _height_sigma(disparity, floor, eye_height))
+    height = eye_height * (
+        1.0 - floor / np.maximum(disparity.values + np.float32(rig.doffs), np.float32(0.1))
+    )
+    near: Mask = (
+        disparity.valid
+        & (floor > 0)
+        & (np.abs(height) < step_height + 2.0 * _height_sigma(disparity, floor, eye_height))
+    )
     return near
 
 
@@ -104,8 +114,8 @@ def centroid_circle(free: Mask) -> Circle | None:
 def rim_disparity(circle: Circle, disparity: Disparity, rig: StereoRig, free: Mask) -> float | None:
     """The largest disparity (from the principal points, px) measured on the circle's rim; None if none was.
 
-    free: (H, W), the mask the circle was found in. What is not free bounds the circle; where only the picture's
-    border does, all of the rim counts.
+    free: (H, W), the mask the circle was found in. What is not free bounds the circle; where only the
+    picture's border does, all of the rim counts.
     """
     height, width = disparity.values.shape
     u, v = circle.centre
@@ -130,7 +140,7 @@ def metric_diameter(circle: Circle, rim_px: float, rig: StereoRig) -> float:
 
 
 def centre_in_camera(circle: Circle, rim_px: float, rig: StereoRig) -> tuple[float, float, float]:
-    """The circle's centre (x right, y down, z forward) in the left camera's frame, metres, at the rim's depth."""
+    """The circle's centre (x right, y down, z forward) in the left camera's frame, metres, at rim depth."""
     camera = rig.left
     z = camera.fx * rig.baseline / rim_px
     u, v = circle.centre
@@ -149,11 +159,27 @@ def fits(diameter: float, width: float, height: float) -> bool:
 def free_passage(
     disparity: Disparity, rig: StereoRig, mount: HeadMount, pan: float, tilt: float, beyond: float = 1.0
 ) -> Passage | None:
-    """Where a robot on wheels could pass: the largest circle of pixels on the floor or farther than `beyond` metres.
+    """Where a robot on wheels could pass between what stands nearer than `beyond` metres.
 
-    pan, tilt of the head in radians. position is in the robot frame. None where nothing is free or no rim measured.
+    The circle lies in the plane of the nearest thing that stands on the floor: pixels measured behind that
+    plane are free (floor before it lies below the plane's foot), save other things nearer than `beyond`.
+
+    Args:
+        disparity: of the left picture.
+        rig: parallel pair.
+        mount: where the head sits; pan, tilt: of the head, radians.
+        beyond: metres of depth; what is farther does not block.
+
+    Returns:
+        The circle with its metric diameter and its centre in the robot frame; None without one to speak of.
+        A circle that only the picture's border bounds is at least so wide.
     """
-    free = farther_than(disparity, rig, beyond) | on_floor(disparity, rig, mount, pan, tilt)
+    far = farther_than(disparity, rig, beyond)
+    standing = disparity.valid & ~far & ~on_floor(disparity, rig, mount, pan, tilt)
+    free = disparity.valid & (
+        disparity.values + np.float32(rig.doffs) < _plane_px(disparity, rig, standing, beyond)
+    )
+    free &= ~standing
     # Single unmeasured pixels are the matcher's doubts, not obstacles.
     closed = cv2.morphologyEx(free.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8)) > 0
     free |= closed & ~disparity.valid
@@ -166,6 +192,13 @@ def free_passage(
     rotation, eye = mount.left_eye(pan, tilt)
     x, y, z = (float(c) for c in eye + rotation @ np.array(centre_in_camera(circle, rim, rig)))
     return Passage(circle.centre, circle.radius_px, metric_diameter(circle, rim, rig), (x, y, z))
+
+
+def _plane_px(disparity: Disparity, rig: StereoRig, standing: Mask, beyond: float) -> float:
+    """Disparity (from the principal points) of the nearest standing surface, or of `beyond`."""
+    limit = rig.left.fx * rig.baseline / beyond
+    nearest = np.sort(disparity.values[standing])[::-1] + np.float32(rig.doffs)
+    return max(limit, float(nearest[SPECK_PX])) if len(nearest) > SPECK_PX else limit
 
 
 def _distance(free: Mask) -> NDArray[np.float32]:

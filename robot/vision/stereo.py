@@ -43,8 +43,8 @@ BLOCK_PX = 5
 class Disparity:
     """Column of a point in the left picture less its column in the right one, for every left pixel.
 
-    values (H, W) float32 px, 0 where not valid; valid (H, W) bool; sigma_px (H, W) float32: standard deviation
-    of a valid value.
+    values (H, W) float32 px, 0 where not valid; valid (H, W) bool; sigma_px (H, W) float32: standard
+    deviation of a valid value.
     """
 
     values: Floats
@@ -63,9 +63,10 @@ class SemiGlobalMatcher:
     """Semi-global block matching over `disparities` columns, 0 .. disparities - 1.
 
     A match counts if the right eye finds it too (left-right check). That second search runs at half the
-    resolution and reaches twice as far, so what lies nearer than the search comes out invalid, never far. The standard deviation of
-    a value follows from the picture's noise and the texture about the pixel (as of least-squares matching);
-    where it exceeds `MAX_SIGMA_PX`, as on blank walls and in the dark, the value is invalid.
+    resolution and reaches twice as far, so what lies nearer than the search comes out invalid, never far.
+    The standard deviation of a value follows from the picture's noise and the texture about the pixel (as of
+    least-squares matching); where it exceeds `MAX_SIGMA_PX`, as on blank walls and in the dark, the value is
+    invalid.
 
     Args:
         disparities: a multiple of 16.
@@ -110,8 +111,9 @@ class SemiGlobalMatcher:
 
     def _confirmed(self, left: Image, right: Image, values: Floats) -> Mask:
         """Pixels whose match the right eye finds too, searching twice as far at half the resolution."""
-        halves = [cv2.resize(g, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)[:, ::-1] for g in (right, left)]
-        seen_back = 2.0 * self._match(self._coarse, *halves)[:, ::-1]
+        half_left, half_right = _flipped_half(left), _flipped_half(right)
+        # Flipped, the right eye's search is a left eye's.
+        seen_back = 2.0 * self._match(self._coarse, half_right, half_left)[:, ::-1]
         height, width = values.shape
         columns = np.arange(width, dtype=np.float32) - values
         rows = np.repeat(np.arange(height, dtype=np.float32)[:, None], width, axis=1)
@@ -127,9 +129,10 @@ class SemiGlobalMatcher:
 class FloorAlignedMatcher:
     """Matches with the right picture sheared so that the floor lies at one disparity everywhere.
 
-    A floor seen from low above changes its disparity from row to row; blocks and smoothness terms expect it not
-    to, and answer with steps and a bias of a third of a pixel. Sheared, the floor is their easiest case, and the
-    search begins `margin_px` below the floor's own disparity in every row: it reaches nearer where floor is near.
+    A floor seen from low above changes its disparity from row to row; blocks and smoothness terms expect it
+    not to, and answer with steps and a bias of a third of a pixel. Sheared, the floor is their easiest case,
+    and the search begins `margin_px` below the floor's own disparity in every row: it reaches nearer where
+    floor is near.
 
     Args:
         matcher: what matches the sheared pair; its search must start at 0.
@@ -144,7 +147,7 @@ class FloorAlignedMatcher:
         self._margin = margin_px
 
     def __call__(self, left: Image, right: Image, pan: float, tilt: float) -> Disparity:
-        """Match a pair taken with the head at pan, tilt (radians); disparities are those of the given pair."""
+        """Match a pair taken with the head at pan, tilt (radians); disparities are the given pair's."""
         height, width = left.shape[:2]
         floor = floor_disparities(self._rig, self._mount, pan, tilt, height)
         shift = np.maximum(floor - self._margin, 0.0).astype(np.float32)[:, None]
@@ -158,7 +161,7 @@ class FloorAlignedMatcher:
 
 
 def floor_disparities(rig: StereoRig, mount: HeadMount, pan: float, tilt: float, height: int) -> Floats:
-    """Disparity u_l - u_r of the floor in each picture row, (height,) float32; below -doffs above the horizon.
+    """Disparity u_l - u_r of the floor in each row, (height,) float32; below -doffs above the horizon.
 
     d = f B k / h - doffs, k the drop of the row's ray for each metre of depth, h the lens height: METHODS 4's
     plane-induced homography for a parallel pair and a head that does not roll.
@@ -166,11 +169,11 @@ def floor_disparities(rig: StereoRig, mount: HeadMount, pan: float, tilt: float,
     rotation, eye = mount.left_eye(pan, tilt)
     ray = (np.arange(height) - rig.left.cy) / rig.left.fy
     drop = -(rotation[2, 1] * ray + rotation[2, 2])
-    return (rig.left.fx * rig.baseline * drop / eye[2] - rig.doffs).astype(np.float32)
+    return np.asarray(rig.left.fx * rig.baseline * drop / eye[2] - rig.doffs, np.float32)
 
 
 def match_sigma(smooth: Image, noise: float) -> Floats:
-    """Standard deviation of a block match at each pixel, px: noise over gradient, plus what matching itself adds.
+    """Standard deviation of a block match at each pixel, px: noise over gradient, and what matching adds.
 
     smooth: (H, W) uint8, the smoothed picture; noise: grey levels, of the picture before smoothing.
     """
@@ -178,7 +181,7 @@ def match_sigma(smooth: Image, noise: float) -> Floats:
     energy = cv2.blur(cv2.multiply(gradient, gradient), (SIGMA_WINDOW_PX, SIGMA_WINDOW_PX))
     texture = np.maximum(energy - np.float32(NOISE_ENERGY * noise * noise), np.float32(1e-3))
     variance = np.float32(SIGMA_FLOOR_PX**2) + np.float32(SIGMA_GAIN * noise * noise) / texture
-    return np.sqrt(variance).astype(np.float32, copy=False)
+    return np.asarray(np.sqrt(variance), np.float32)
 
 
 def _torn(values: Floats) -> Mask:
@@ -191,7 +194,7 @@ def _torn(values: Floats) -> Mask:
 def _hidden(right_columns: Floats, valid: Mask) -> Mask:
     """Pixels that something to their right hides from the right eye: no measurement, whatever was filled in.
 
-    right_columns: where each left pixel lies in the right picture; in every row it must rise from left to right.
+    right_columns: where each left pixel lies in the right picture; it must rise from left to right.
     """
     bound = np.where(valid, right_columns, np.float32(np.inf))
     least = np.minimum.accumulate(bound[:, ::-1], axis=1)[:, ::-1]
@@ -199,8 +202,13 @@ def _hidden(right_columns: Floats, valid: Mask) -> Mask:
     return hidden
 
 
+def _flipped_half(grey: Image) -> Image:
+    half = cv2.resize(grey, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+    return np.ascontiguousarray(half[:, ::-1], np.uint8)
+
+
 def _noise(grey: Image) -> float:
-    """Standard deviation of the picture's noise, grey levels (Immerkaer's mask, its median: texture is rarer)."""
+    """Standard deviation of the picture's noise, grey levels: the median of Immerkaer's mask."""
     mask = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
     rough = np.abs(cv2.filter2D(grey[::2], cv2.CV_32F, mask)[:, ::4])
     return max(float(np.median(rough)) / (6 * 0.6745), 0.3)

@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from robot.messages import Tick
+from robot.model_file import Model
 from robot.record.events import EventLog
 from robot.record.recorder import Recorder
 from robot.run_sim import CLAIMING, SimOptions, SimRun
 from robot.sim.injected import InjectedFault
 from robot.sim.scene import load_scene
-from robot.looker import Recognizes
 
 ROOM = """
 title = "test"
@@ -52,7 +52,13 @@ class Outcome:
 
 
 def scene_file(
-    folder: Path, name: str, rest: str, *, top: str = "", heading: str = "0.0", duration: float = 30.0,
+    folder: Path,
+    name: str,
+    rest: str,
+    *,
+    top: str = "",
+    heading: str = "0.0",
+    duration: float = 30.0,
     hold: float = 2.0,
 ) -> str:
     """Write a small room with `rest` in it; returns its path."""
@@ -62,15 +68,24 @@ def scene_file(
 
 
 def drive(
-    scene: str, seed: int, recognizer: Recognizes, *, seconds: float = math.inf, slow: float = 1.0,
+    scene: str,
+    seed: int,
+    target: Model,
+    *,
+    seconds: float = math.inf,
+    slow: float = 1.0,
     faults: Sequence[InjectedFault] = (),
 ) -> Outcome:
     """Run until the referee has seen enough, or for `seconds` of robot time."""
     stream = io.BytesIO()
     notes = _Notes()
     run = SimRun(
-        load_scene(scene), seed, recognizer, options=SimOptions(slow, tuple(faults)),
+        load_scene(scene),
+        seed,
+        target.recognizer,
+        options=SimOptions(slow, tuple(faults)),
         observers=[Recorder(EventLog(stream)), notes],
+        height_m=target.height_m,
     )
     try:
         start = run.world.robot_pose
@@ -83,7 +98,12 @@ def drive(
     finally:
         run.close()
     return Outcome(
-        report, stream.getvalue(), tuple(notes.states), notes.claims, displaced, frozenset(notes.faults),
+        report,
+        stream.getvalue(),
+        tuple(notes.states),
+        notes.claims,
+        displaced,
+        frozenset(notes.faults),
         notes.lamp_burned,
     )
 
@@ -104,4 +124,3 @@ class _Notes:
         track = tick.percepts.track
         self.claims += tick.state in CLAIMING and track is not None and not track.value.lost
         self.lamp_burned |= tick.sent.lamp > 0.0
-

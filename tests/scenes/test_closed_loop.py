@@ -1,4 +1,4 @@
-"""The whole robot in small simulated rooms: it finds, goes there, goes round, touches nothing, repeats itself."""
+"""The whole robot in small simulated rooms: it finds, goes there, goes round, and touches nothing."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from closed_loop import Outcome, drive, scene_file
 
+from robot.model_file import Model
 from robot.sim.scene import SHIPPED
-from robot.vision.recognizer import Recognizer
 
 NEAR_BOX = """
 [target]
@@ -51,10 +51,8 @@ def reached(outcome: Outcome) -> None:
     assert outcome.report["clearance_min"] > 0.0
 
 
-def test_a_target_in_plain_sight_is_found_ranged_and_followed(
-    tmp_path: Path, box_recognizer: Recognizer
-) -> None:
-    outcome = drive(scene_file(tmp_path, "plain", NEAR_BOX, heading="[-20.0, 20.0]"), 1, box_recognizer)
+def test_a_target_in_plain_sight_is_found_ranged_and_followed(tmp_path: Path, box: Model) -> None:
+    outcome = drive(scene_file(tmp_path, "plain", NEAR_BOX, heading="[-20.0, 20.0]"), 1, box)
     reached(outcome)
     assert outcome.states[:4] == ("search", "recognize", "range", "track")
     assert outcome.report["found_s"] < 5.0
@@ -65,8 +63,8 @@ def test_a_target_in_plain_sight_is_found_ranged_and_followed(
     assert not outcome.lamp_burned, "it is day"
 
 
-def test_a_block_in_the_straight_way_is_gone_round(tmp_path: Path, box_recognizer: Recognizer) -> None:
-    outcome = drive(scene_file(tmp_path, "block", BLOCK_IN_THE_WAY, heading="[-10.0, 10.0]"), 1, box_recognizer)
+def test_a_block_in_the_straight_way_is_gone_round(tmp_path: Path, box: Model) -> None:
+    outcome = drive(scene_file(tmp_path, "block", BLOCK_IN_THE_WAY, heading="[-10.0, 10.0]"), 1, box)
     reached(outcome)
     assert outcome.report["detour_needed"]
     assert outcome.report["detour_taken"]
@@ -74,34 +72,32 @@ def test_a_block_in_the_straight_way_is_gone_round(tmp_path: Path, box_recognize
     assert outcome.report["duration_s"] < 25.0
 
 
-def test_at_night_the_lamp_is_lit_and_the_target_found(tmp_path: Path, box_recognizer: Recognizer) -> None:
-    outcome = drive(scene_file(tmp_path, "night", NIGHT, heading="-20.0"), 1, box_recognizer)
+def test_at_night_the_lamp_is_lit_and_the_target_found(tmp_path: Path, box: Model) -> None:
+    outcome = drive(scene_file(tmp_path, "night", NIGHT, heading="-20.0"), 1, box)
     reached(outcome)
     assert outcome.lamp_burned
 
 
-def test_the_same_scene_and_seed_give_the_same_events_byte_for_byte(
-    tmp_path: Path, box_recognizer: Recognizer
-) -> None:
+def test_the_same_scene_and_seed_give_the_same_events_byte_for_byte(tmp_path: Path, box: Model) -> None:
     scene = scene_file(tmp_path, "same", BLOCK_IN_THE_WAY, heading="[-10.0, 10.0]")
-    first, second = (drive(scene, 3, box_recognizer, seconds=8.0) for _ in range(2))
+    first, second = (drive(scene, 3, box, seconds=8.0) for _ in range(2))
     assert first.events.count(b"\n") >= 8, "a status line a second"
     assert b'"from":"recognize"' in first.events
     assert first.events == second.events
     assert first.report == second.report
 
 
-def test_another_seed_is_another_run(tmp_path: Path, box_recognizer: Recognizer) -> None:
+def test_another_seed_is_another_run(tmp_path: Path, box: Model) -> None:
     scene = scene_file(tmp_path, "other", NEAR_BOX, heading="[-20.0, 20.0]")
-    first, second = (drive(scene, seed, box_recognizer, seconds=2.0).events for seed in (1, 2))
+    first, second = (drive(scene, seed, box, seconds=2.0).events for seed in (1, 2))
     assert first != second
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize("scene", SHIPPED)
-def test_no_shipped_scene_ends_in_a_collision(scene: str, seed: int, box_recognizer: Recognizer) -> None:
-    outcome = drive(scene, seed, box_recognizer)
+def test_no_shipped_scene_ends_in_a_collision(scene: str, seed: int, box: Model) -> None:
+    outcome = drive(scene, seed, box)
     assert outcome.report["collisions"] == 0, outcome.report["collided_with"]
     if outcome.report["expect"] == "not found":
         assert outcome.report["success"], outcome.report["reason"]

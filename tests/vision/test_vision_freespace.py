@@ -125,7 +125,9 @@ def test_a_wide_hole_ends_the_floor_and_a_narrow_one_does_not():
 def test_the_dark_invents_no_obstacle():
     for seed in range(3):
         free = look(Room((Block(1.2, 0.3, 0.3, 0.3, 0.3),)), gain=0.05, noise=4.0, seed=seed)
-        truly = np.abs(free.obstacles - (1.05, 0.3)).max(axis=1) < 0.35 if len(free.obstacles) else np.zeros(0)
+        truly = (
+            np.abs(free.obstacles - (1.05, 0.3)).max(axis=1) < 0.35 if len(free.obstacles) else np.zeros(0)
+        )
         near = np.hypot(*free.obstacles.T) < 1.0
         assert (near & ~(truly > 0)).sum() <= 2
 

@@ -40,7 +40,11 @@ def test_the_published_normal_for_a_pitched_camera():
     p = 0.35
     rotation, eye = MOUNT.left_eye(0.0, p)
     normal = np.array([0.0, math.cos(p), math.sin(p)])
-    published = RIG.right.matrix @ (np.eye(3) + np.outer(RIG.translation, normal) / eye[2]) @ np.linalg.inv(RIG.left.matrix)
+    published = (
+        RIG.right.matrix
+        @ (np.eye(3) + np.outer(RIG.translation, normal) / eye[2])
+        @ np.linalg.inv(RIG.left.matrix)
+    )
     assert np.allclose(ground_homography(RIG, rotation, eye[2]), published)
 
 
@@ -79,7 +83,8 @@ def test_lines_and_shadows_on_the_floor_are_no_obstacles(seed):
 
 
 @pytest.mark.parametrize(
-    "block", [Block(1.0, 0.0, 0.3, 0.3, 0.3), Block(0.9, -0.1, 0.04, 0.04, 0.6), Block(0.8, 0.0, 0.2, 0.5, 0.06)]
+    "block",
+    [Block(1.0, 0.0, 0.3, 0.3, 0.3), Block(0.9, -0.1, 0.04, 0.04, 0.6), Block(0.8, 0.0, 0.2, 0.5, 0.06)],
 )
 def test_what_stands_up_is_found_where_it_stands(block):
     pair = render(Room((block,), floor_paint=painted))

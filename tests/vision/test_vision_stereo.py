@@ -49,7 +49,8 @@ def test_blank_and_dark_pictures_measure_nothing():
     rng = np.random.default_rng(3)
     for level, noise in ((120, 3.0), (8, 3.0), (0, 0.0)):
         left, right = (
-            np.clip(level + noise * rng.standard_normal((288, 352, 3)), 0, 255).astype(np.uint8) for _ in range(2)
+            np.clip(level + noise * rng.standard_normal((288, 352, 3)), 0, 255).astype(np.uint8)
+            for _ in range(2)
         )
         assert SemiGlobalMatcher(64)(left, right).valid.mean() < 0.02
 

@@ -1,0 +1,50 @@
+"""How the floor really lies in a picture: the plane through most of the heights measured near it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
+Floats = NDArray[np.float32]
+
+NEAR_FLOOR_M = 0.06
+"""Heights beyond this belong to things, not to a floor seen tipped."""
+MOST_PIXELS, FEWEST_PIXELS = 3000, 60
+INDEPENDENT = 50.0
+"""Neighbouring pixels err together: all of them weigh as so many independent ones."""
+REST_SIGMA = (0.005, math.radians(0.5), math.radians(0.3))
+"""How far a base at rest may lie off: lift in metres, slope ahead, slope aside. Holds what no pixel speaks of."""
+SCALES_M = (0.035, 0.025, 0.018, 0.018)
+"""Tukey's biweight narrows from the nominal plane: a low step must not lift the floor, a tipped floor may."""
+
+
+def floor_plane(x: Floats, y: Floats, height: Floats, sigma: Floats) -> Vector:
+    """Lift and slopes (3,) of the floor: height = lift + ahead x + aside y. Zeros where too little floor is seen.
+
+    x, y, height (N,): measured points, robot frame as the nominal stand has it, metres; sigma (N,): of height.
+
+    >>> x, y = np.meshgrid(np.linspace(0.4, 2.0, 40), np.linspace(-0.5, 0.5, 20))
+    >>> flat = floor_plane(x.ravel(), y.ravel(), 0.01 * x.ravel(), np.full(x.size, 0.005))
+    >>> bool(abs(flat[0] + 1.2 * flat[1] - 0.012) < 0.003)
+    True
+    """
+    rows = np.flatnonzero(np.abs(height) < NEAR_FLOOR_M)
+    rows = rows[:: max(1, len(rows) // MOST_PIXELS)]
+    plane: Vector = np.zeros(3)
+    if len(rows) < FEWEST_PIXELS:
+        return plane
+    basis = np.stack([np.ones(len(rows)), x[rows], y[rows]]).astype(np.float64)
+    high, spread = height[rows].astype(np.float64), sigma[rows].astype(np.float64) + 0.002
+    rest = np.diag(1.0 / np.square(REST_SIGMA))
+    for scale in SCALES_M:
+        off = (high - plane @ basis) / (scale + 2.0 * spread)
+        weight = (
+            np.where(np.abs(off) < 1.0, (1.0 - off * off) ** 2, 0.0) / spread**2 * (INDEPENDENT / len(rows))
+        )
+        plane = np.asarray(
+            np.linalg.solve((basis * weight) @ basis.T + rest, basis @ (weight * high)), np.float64
+        )
+    return plane
