@@ -103,7 +103,7 @@ def parse_rig(text: str, source: str) -> StereoRig:
 
 
 def save_rig(path: Path, rig: StereoRig) -> None:
-    """Write a pair's calibration so that the file is either whole or not there; it reads back as the same rig.
+    """Write a calibration so that the file is whole or not there; it reads back as the same rig.
 
     Raises CalibrationError where the folder cannot be written to.
     """
@@ -159,13 +159,14 @@ def _check_eyes(content: _File, source: str) -> None:
     left, right = content.left, content.right
     if (left.width, left.height) != (right.width, right.height):
         raise CalibrationError(
-            f"{source}: the eyes differ in size, {left.width}x{left.height} and {right.width}x{right.height}; "
-            "calibrate both at the same picture size"
+            f"{source}: the eyes differ in size, {left.width}x{left.height} and "
+            f"{right.width}x{right.height}; calibrate both at the same picture size"
         )
     for name, eye in (("left", left), ("right", right)):
         if len(eye.distortion) not in DISTORTION_COUNTS:
             raise CalibrationError(
-                f"{source}: {name}.distortion: {len(eye.distortion)} numbers; give k1, k2, p1, p2 and k3, or none"
+                f"{source}: {name}.distortion: {len(eye.distortion)} numbers; "
+                "give k1, k2, p1, p2 and k3, or none"
             )
 
 
@@ -179,7 +180,8 @@ def _check_pair(pair: _Pair, source: str) -> tuple[float, ...]:
     sideways, *rest = pair.translation
     if sideways > 0.0:
         raise CalibrationError(
-            f"{source}: pair.translation: the right eye lies left of the left one; exchange [left] and [right]"
+            f"{source}: pair.translation: the right eye lies left of the left one; "
+            "exchange [left] and [right]"
         )
     if not -sideways > math.hypot(*rest):
         raise CalibrationError(

@@ -35,7 +35,8 @@ class Rectifier:
         for name, image in (("left", left), ("right", right)):
             if image.shape[:2] != wanted:
                 raise ValueError(
-                    f"the {name} picture is {image.shape[1]}x{image.shape[0]}, the calibration {wanted[1]}x{wanted[0]}"
+                    f"the {name} picture is {image.shape[1]}x{image.shape[0]}, "
+                    f"the calibration {wanted[1]}x{wanted[0]}"
                 )
         if self.maps is None:
             return left, right
@@ -69,8 +70,8 @@ def rectifier(rig: StereoRig) -> Rectifier:
     left, right = rig.left, rig.right
     size = (left.width, left.height)
     rotation_left, rotation_right, new_left, new_right, *_ = cv2.stereoRectify(
-        left.matrix, _distortion(left), right.matrix, _distortion(right), size, rig.R, np.array(rig.translation),
-        flags=cv2.CALIB_ZERO_DISPARITY, alpha=0.0,
+        left.matrix, _distortion(left), right.matrix, _distortion(right), size, rig.R,
+        np.array(rig.translation), flags=cv2.CALIB_ZERO_DISPARITY, alpha=0.0,
     )  # fmt: skip
     first, second = np.asarray(new_left, np.float64), np.asarray(new_right, np.float64)
     maps = _maps(left, rotation_left, first), _maps(right, rotation_right, second)
@@ -82,8 +83,8 @@ def rectifier(rig: StereoRig) -> Rectifier:
 def _maps(eye: Camera, rotation: object, projection: Matrix) -> tuple[Map, Map]:
     """Where every pixel of the rectified eye lies in the real one: columns and rows, (H, W) float32."""
     columns, rows = cv2.initUndistortRectifyMap(
-        eye.matrix, _distortion(eye), np.asarray(rotation, np.float64), projection[:, :3], (eye.width, eye.height),
-        cv2.CV_32FC1,
+        eye.matrix, _distortion(eye), np.asarray(rotation, np.float64), projection[:, :3],
+        (eye.width, eye.height), cv2.CV_32FC1,
     )  # fmt: skip
     return np.asarray(columns, np.float32), np.asarray(rows, np.float32)
 

@@ -1,4 +1,4 @@
-"""`robot look`: range and free passage measured on one stereo pair of pictures, and a picture that shows them."""
+"""`robot look`: range and free passage of one stereo pair of pictures, and a picture that shows them."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def look_at(
 ) -> int:
     """Measure a pair of picture files, print the result and write the annotated picture to `out`.
 
-    Exit code 0, or 1 if the target was not found or what was asked for has no range. Raises UserError, one line
-    with the cure, before anything is written.
+    Exit code 0, or 1 if the target was not found or what was asked for has no range. Raises UserError, one
+    line with the cure, before anything is written.
     """
     if target is not None and box is not None:
         raise UserError("--target and --box exclude each other: give one of them")
@@ -65,7 +65,8 @@ def read_pair(left: Path, right: Path, rig: StereoRig) -> tuple[Image, Image]:
     calibrated = f"{rig.left.width}x{rig.left.height}"
     if sizes[0] != calibrated:
         raise UserError(
-            f"{left} is {sizes[0]}, the calibration is for {calibrated}: give the calibration of these pictures"
+            f"{left} is {sizes[0]}, the calibration is for {calibrated}: "
+            "give the calibration of these pictures"
         )
     return pictures
 
@@ -86,7 +87,7 @@ def read_picture(path: Path) -> Image:
 
 
 def write_picture(path: Path, picture: Image) -> None:
-    """Write a picture so that the file is either whole or not there. Raises UserError where that cannot be."""
+    """Write a picture so that the file is whole or not there. Raises UserError where that cannot be."""
     _, data = cv2.imencode(path.suffix.lower(), picture)
     part: str | None = None
     try:
@@ -121,7 +122,8 @@ def _sight_words(sight: Sight) -> str:
     dense = "" if sight.dense is None else f" (dense stereo {sight.dense:.3f} m)"
     if sight.distance is None:
         return f"{at}: no range, its middle does not match clearly in the right picture{dense}"
-    return f"{at}: {sight.distance:.3f} m +- {sight.sigma:.3f} m, bearing {math.degrees(sight.bearing):+.1f} degrees{dense}"
+    bearing = f"{math.degrees(sight.bearing):+.1f} degrees"
+    return f"{at}: {sight.distance:.3f} m +- {sight.sigma:.3f} m, bearing {bearing}{dense}"
 
 
 def _passage_words(found: Look) -> str:

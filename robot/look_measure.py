@@ -15,7 +15,7 @@ from calib.model import HeadMount, StereoRig
 from calib.rectify import Rectifier, rectifier
 from robot.errors import UserError
 from robot.messages import Box, Detection, Image, Passage
-from robot.vision import health
+from robot.vision import health, passage
 from robot.vision.ranging import range_box
 from robot.vision.stereo import Disparity, SemiGlobalMatcher
 
@@ -24,6 +24,8 @@ SEARCHED_SHARE = 0.25
 NEAREST_M = 0.2
 PASSAGE_BEYOND_M = 1.5
 """What is farther is free to go, as far as the picture can tell; raised where everything is farther."""
+CALIBRATION_SIGMA_PX = 0.15
+"""What the calibration of a real pair leaves in the disparities; no single match can see it."""
 FOREGROUND_DEPTH = 1.3
 """What lies within this factor of the nearest surface belongs to the foreground."""
 
@@ -42,8 +44,8 @@ class Finds(Protocol):
 class Sight:
     """One box and how far its middle is.
 
-    distance, sigma in metres along the optical axis, None where it cannot be told; dense is the second opinion,
-    the median of the dense map about the middle; bearing in radians, positive to the left.
+    distance, sigma in metres along the optical axis, None where it cannot be told; dense is the second
+    opinion, the median of the dense map about the middle; bearing in radians, positive to the left.
     """
 
     box: Box
@@ -58,7 +60,8 @@ class Sight:
 class Look:
     """Everything measured on a pair: rectified left picture, disparity, boxes, the passage beyond `beyond` m.
 
-    rig is the rectified pair's; passage.position is in the left camera's axes turned to x forward, y left, z up.
+    rig is the rectified pair's; passage.position is in the left camera's axes turned to x forward, y left,
+    z up.
     """
 
     picture: Image
@@ -74,8 +77,8 @@ def look(
 ) -> Look:
     """Measure a pair: the box if one is given, else every place the target is found at, and the free passage.
 
-    left, right: (H, W, 3) BGR uint8 of the rig's size, as the cameras gave them; box in pixels of that left picture.
-    Raises UserError for a box whose middle is outside and for exchanged pictures.
+    left, right: (H, W, 3) BGR uint8 of the rig's size, as the cameras gave them; box in pixels of that left
+    picture. Raises UserError for a box whose middle is outside and for exchanged pictures.
     """
     straight = rectifier(rig)
     flat_left, flat_right = straight(left, right)
@@ -115,38 +118,29 @@ def depths(disparity: Disparity, rig: StereoRig) -> Depths:
 def free_passage(disparity: Disparity, rig: StereoRig, beyond: float) -> Passage | None:
     """The largest circle of pixels measured farther than `beyond` metres; None if there is none to speak of.
 
-    [T] (METHODS 10): what was not measured is not free, nor is the picture's rim; diameter 2 DT - 1 px, in metres by
-    the largest disparity on the circle's rim.
+    [T] (METHODS 10): what was not measured is not free, and the picture's border blocks. Where the camera
+    hangs is not known here, so the floor counts like anything else.
     """
-    z = depths(disparity, rig)
-    free = np.nan_to_num(z, nan=0.0) > beyond
+    free = passage.farther_than(disparity, rig, beyond)
     # Single unmeasured pixels are the matcher's doubts, not obstacles.
     closed = cv2.morphologyEx(free.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8)) > 0
     free |= closed & ~disparity.valid
-    inside = cv2.distanceTransform(np.pad(free, 1).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[
-        1:-1, 1:-1
-    ]
-    v, u = (int(c) for c in np.unravel_index(int(inside.argmax()), inside.shape))
-    radius = float(inside[v, u]) - 0.5
-    if radius < 2.0:
+    circle = passage.inscribed_circle(free)
+    if circle is None or circle.radius_px < passage.MIN_RADIUS_PX:
         return None
-    rows, columns = np.mgrid[: free.shape[0], : free.shape[1]]
-    away = np.hypot(rows - v, columns - u)
-    rim = z[(away <= radius) & (away > 0.8 * radius) & np.isfinite(z)]
-    around = z[(away <= radius) & np.isfinite(z)]
-    if not len(rim):
+    rim = passage.rim_disparity(circle, disparity, rig, free)
+    if rim is None:
         return None
-    depth = float(np.median(around))
-    ray = np.array([1.0, -(u - rig.left.cx) / rig.left.fx, -(v - rig.left.cy) / rig.left.fy])
-    x, y, z_up = (float(c) for c in depth * ray)
-    return Passage((float(u), float(v)), radius, 2.0 * radius * float(rim.min()) / rig.left.fx, (x, y, z_up))
+    right, down, forward = passage.centre_in_camera(circle, rim, rig)
+    diameter = passage.metric_diameter(circle, rim, rig)
+    return Passage(circle.centre, circle.radius_px, diameter, (forward, -right, -down))
 
 
 def _sight(
     left: Image, right: Image, place: Detection, rig: StereoRig, disparity: Disparity, searched: int
 ) -> Sight:
     nearest = rig.left.fx * rig.baseline / (searched + rig.doffs)
-    measured = range_box(left, right, place.box, rig, HeadMount(), 0.0, 0.0, nearest)
+    measured = range_box(left, right, place.box, rig, HeadMount(), 0.0, 0.0, nearest, CALIBRATION_SIGMA_PX)
     bearing = rig.left.bearing(place.box.centre[0])
     dense = _dense(depths(disparity, rig), place.box)
     if measured is None:
@@ -179,7 +173,8 @@ def _moved(box: Box, straight: Rectifier) -> Box:
     u, v = box.centre
     if not (0 <= u < eye.width and 0 <= v < eye.height):
         raise UserError(
-            f"--box {box.x:g},{box.y:g},{box.w:g},{box.h:g}: its middle is outside the {eye.width}x{eye.height} picture"
+            f"--box {box.x:g},{box.y:g},{box.w:g},{box.h:g}: its middle is outside the picture; "
+            f"give a box inside {eye.width}x{eye.height} pixels"
         )
     corners = straight.left_points(np.array([[box.x, box.y], [box.x + box.w, box.y + box.h]]))
     (x0, y0), (x1, y1) = corners

@@ -1,4 +1,4 @@
-"""The picture `robot look` leaves: the left eye with box and passage, its depth beside it, a scale in metres."""
+"""What `robot look` leaves: the left eye with box and passage, its depth beside it, a scale in metres."""
 
 from __future__ import annotations
 

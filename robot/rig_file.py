@@ -10,7 +10,7 @@ from robot.errors import UserError
 
 
 def load_rig(path: Path) -> StereoRig:
-    """Read a pair's calibration (calib/files.py says what is in it). Raises UserError, one line with the cure."""
+    """Read a calibration (calib/files.py says what is in it). Raises UserError, one line with the cure."""
     try:
         return files.load_rig(path)
     except files.CalibrationError as error:

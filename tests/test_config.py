@@ -1,5 +1,7 @@
 """Settings: defaults read back, every mistake is one line with file, key and what is allowed."""
 
+from pathlib import Path
+
 import pytest
 
 from robot import config, settings_file
@@ -68,3 +70,12 @@ def test_a_file_that_is_not_text_is_refused(tmp_path):
     path.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(UserError, match="cannot be read"):
         settings_file.read(path, config.Config)
+
+
+def test_the_sample_config_is_valid_and_shows_every_key():
+    path = Path(__file__).parents[1] / "deploy" / "robot.toml"
+    sample = config.load(path)
+    assert sample.base.driver == "nxt-usb"
+    keys = {line.split(" = ")[0] for line in config.commented_defaults().splitlines() if " = " in line}
+    text = path.read_text(encoding="utf-8")
+    assert all(f"{key} = " in text for key in keys)

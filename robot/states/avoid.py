@@ -72,8 +72,14 @@ class Avoid:
         return Intent(look=look, motion=Follow(self._path), wants=frozenset(wants))
 
     def _look_around(self, situation: Situation) -> HeadPose:
-        phase = (situation.now - (self._pathless_since or situation.now)) / LOOK_AROUND_FOR
-        pan = self._behaviour.pan_limit * 0.8 * math.sin(math.tau * phase)
+        """Without a way: look at the widest passage in sight, and else from side to side, for a way to appear."""
+        free_space = situation.percepts.free_space
+        passage = free_space.value.passage if free_space is not None else None
+        since = situation.now - (self._pathless_since or situation.now)
+        if passage is not None and passage.diameter > 2 * self._behaviour.body_radius and since < LOOK_AROUND_FOR / 2:
+            x, y, _ = passage.position
+            return HeadPose(pan_towards(x, y, self._behaviour), self._behaviour.rest_tilt)
+        pan = self._behaviour.pan_limit * 0.8 * math.sin(math.tau * since / LOOK_AROUND_FOR)
         return HeadPose(pan, self._behaviour.rest_tilt)
 
     def _look_along(self, pose: Pose2, place: tuple[float, float]) -> HeadPose:

@@ -1,7 +1,8 @@
 """Can the picture be trusted? Cheap checks of every pair, and the sign test that finds exchanged eyes.
 
-In a parallel pair everything lies further to the right in the left picture: u_l - u_r >= 0 from the principal
-points. Exchanged eyes turn every sign. A range computed from such a pair is nonsense, so the test comes first.
+In a parallel pair everything lies further to the right in the left picture: u_l - u_r >= 0 from the
+principal points. Exchanged eyes turn every sign. A range computed from such a pair is nonsense, so the test
+comes first.
 """
 
 from __future__ import annotations
@@ -21,12 +22,12 @@ GRID = 8
 
 CORNERS = 48
 HALF_PX, REACH_PX = 5, 40
-"""Half a corner's patch and the columns searched to each side, in the half-size picture the sign test uses."""
+"""Half a corner's patch and the columns searched to each side, both in the half-size picture."""
 LEAST_CORRELATION, RIVAL_MARGIN = 0.75, 0.12
 LEAST_SHIFT_PX = 1
 """Shifts up to this say nothing about the sign (far things, a small error of the principal points)."""
 LEAST_VOTES, MAJORITY = 8, 0.9
-"""Exchanged eyes is what at least so many corners must say, and so large a share of those that say anything."""
+"""At least so many corners must say 'exchanged', and so large a share of those that say anything."""
 
 
 def brightness(image: Image) -> float:
@@ -39,7 +40,7 @@ def brightness(image: Image) -> float:
 
 
 def picture_fault(frame: StereoFrame, previous: StereoFrame | None) -> str | None:
-    """The first fault a pair shows, 'size', 'black' or 'frozen', or None. previous: the pair before it, if any."""
+    """The first fault a pair shows: 'size', 'black', 'frozen' or None. previous: the pair before, if any."""
     if sizes_differ(frame.left, frame.right):
         return "size"
     if is_black(frame.left) or is_black(frame.right):
@@ -77,7 +78,7 @@ def _same(one: Image, other: Image) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class SignVotes:
-    """What the corners say: how many lie to the right in the left picture (as they must), how many to the left."""
+    """How many corners lie farther right in the left picture (as they must), how many farther left."""
 
     ordered: int
     exchanged: int
@@ -94,7 +95,7 @@ def eyes_swapped(left: Image, right: Image) -> bool:
 
 
 def sign_votes(left: Image, right: Image) -> SignVotes:
-    """Match corners of the left picture both ways along the rows, whichever way they moved, and count the signs."""
+    """Match corners both ways along the rows, whichever way they moved, and count the signs."""
     grey_left, grey_right = _half_size(left), _half_size(right)
     shifts = [_shift(grey_left, grey_right, u, v) for u, v in _corners(grey_left)]
     told = np.array([shift for shift in shifts if shift is not None and abs(shift) > LEAST_SHIFT_PX])

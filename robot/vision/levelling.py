@@ -16,15 +16,15 @@ MOST_PIXELS, FEWEST_PIXELS = 3000, 60
 INDEPENDENT = 50.0
 """Neighbouring pixels err together: all of them weigh as so many independent ones."""
 REST_SIGMA = (0.005, math.radians(0.5), math.radians(0.3))
-"""How far a base at rest may lie off: lift in metres, slope ahead, slope aside. Holds what no pixel speaks of."""
+"""How far a base may lie off: lift in metres, slope ahead, slope aside. Holds what no pixel speaks of."""
 SCALES_M = (0.035, 0.025, 0.018, 0.018)
 """Tukey's biweight narrows from the nominal plane: a low step must not lift the floor, a tipped floor may."""
 
 
 def floor_plane(x: Floats, y: Floats, height: Floats, sigma: Floats) -> Vector:
-    """Lift and slopes (3,) of the floor: height = lift + ahead x + aside y. Zeros where too little floor is seen.
+    """Lift and slopes (3,) of the floor: height = lift + ahead x + aside y; zeros if too little is seen.
 
-    x, y, height (N,): measured points, robot frame as the nominal stand has it, metres; sigma (N,): of height.
+    x, y, height (N,): measured points in the nominal robot frame, metres; sigma (N,): of height.
 
     >>> x, y = np.meshgrid(np.linspace(0.4, 2.0, 40), np.linspace(-0.5, 0.5, 20))
     >>> flat = floor_plane(x.ravel(), y.ravel(), 0.01 * x.ravel(), np.full(x.size, 0.005))

@@ -117,15 +117,19 @@ def rim_disparity(circle: Circle, disparity: Disparity, rig: StereoRig, free: Ma
     free: (H, W), the mask the circle was found in. What is not free bounds the circle; where only the
     picture's border does, all of the rim counts.
     """
-    height, width = disparity.values.shape
-    u, v = circle.centre
-    away = np.hypot(np.arange(width)[None, :] - u, np.arange(height)[:, None] - v)
-    rim = disparity.valid & (np.abs(away - circle.radius_px) <= RIM_PX)
-    bounds = rim & ~free
+    (u, v), reach = circle.centre, circle.radius_px + RIM_PX + 1.0
+    top, left = max(math.floor(v - reach), 0), max(math.floor(u - reach), 0)
+    window = slice(top, math.ceil(v + reach) + 1), slice(left, math.ceil(u + reach) + 1)
+    values, valid = disparity.values[window], disparity.valid[window]
+    rows, columns = np.arange(values.shape[0])[:, None], np.arange(values.shape[1])[None, :]
+    away_squared = (columns + left - u) ** 2 + (rows + top - v) ** 2
+    inner, outer = max(circle.radius_px - RIM_PX, 0.0), circle.radius_px + RIM_PX
+    rim = valid & (away_squared >= inner**2) & (away_squared <= outer**2)
+    bounds = rim & ~free[window]
     rim = bounds if bounds.any() else rim
     if not rim.any():
         return None
-    largest = float(disparity.values[rim].max()) + rig.doffs
+    largest = float(values[rim].max()) + rig.doffs
     return largest if largest > 0.0 else None
 
 
@@ -197,8 +201,10 @@ def free_passage(
 def _plane_px(disparity: Disparity, rig: StereoRig, standing: Mask, beyond: float) -> float:
     """Disparity (from the principal points) of the nearest standing surface, or of `beyond`."""
     limit = rig.left.fx * rig.baseline / beyond
-    nearest = np.sort(disparity.values[standing])[::-1] + np.float32(rig.doffs)
-    return max(limit, float(nearest[SPECK_PX])) if len(nearest) > SPECK_PX else limit
+    values = disparity.values[standing]
+    if len(values) <= SPECK_PX:
+        return limit
+    return max(limit, float(np.partition(values, -SPECK_PX)[-SPECK_PX]) + rig.doffs)
 
 
 def _distance(free: Mask) -> NDArray[np.float32]:

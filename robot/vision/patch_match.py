@@ -1,8 +1,9 @@
 """One patch of the left picture found again in the right one, to a small part of a pixel, with honest doubt.
 
 Two steps. `find` tries whole-pixel shifts along the row by normalised correlation, and refuses rivals and
-matches that do not lead back. `refine` fits a slanted plane of disparity, gain and a small skew of rows to the
-grey values by weighted least squares on a cubic spline (no pixel locking as a parabola over scores has it).
+matches that do not lead back. `refine` fits a slanted plane of disparity, gain and a small skew of rows to
+the grey values by weighted least squares on a cubic spline (no pixel locking as a parabola over scores has
+it).
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ RIVAL_MARGIN = 0.06
 ROW_SKEW_PX = 1
 """Rows the right eye may be off by, up or down."""
 PRIOR_SIGMA = np.array([1e6, 0.12, 0.12, 0.25])
-"""What is known beforehand: nothing of the shift, of the surface's slopes (px per px), of the row skew (px)."""
+"""Known beforehand: nothing of the shift, the surface's slopes (px per px), the row skew (px)."""
 NOISE_CORRELATION = 1.6
 """Residuals of neighbouring pixels are alike (lens blur, interpolation): sigma grows by this factor."""
 SIGMA_FLOOR_PX = 0.025
@@ -33,13 +34,13 @@ SIGMA_FLOOR_PX = 0.025
 INNER_SHARE = 0.55
 """Edge of the inner patch whose word is set against the whole one's."""
 CLEARLY_APART, DISAGREEMENT_SHARE = 3.0, 0.5
-"""Standard deviations from which two fits mean two surfaces; share of their difference that is added to sigma."""
+"""Sigmas from which two fits mean two surfaces; share of their difference that is added to sigma."""
 ITERATIONS, SETTLED_PX, LARGEST_CORRECTION_PX = 6, 2e-3, 1.5
 
 
 @dataclass(frozen=True, slots=True)
 class Patch:
-    """A rectangle of pixels: whole-pixel middle (u, v), half sizes; u_true, v_true the exact middle wanted."""
+    """A rectangle of pixels: whole-pixel middle (u, v), half sizes; u_true, v_true the exact middle."""
 
     u: int
     v: int
@@ -103,7 +104,7 @@ def match(left: Grey, right: Grey, patch: Patch, shifts: tuple[int, int]) -> Fit
 
 
 def find(left: Grey, right: Grey, patch: Patch, shifts: tuple[int, int]) -> Place | None:
-    """The best whole-pixel place of the patch; None for a weak match, a rival, the search's rim or no way back."""
+    """The best whole-pixel place; None for a weak match, a rival, the search's rim or no way back."""
     there = _best_along_row(left, right, patch, (-shifts[1], -shifts[0]))
     if there is None:
         return None
@@ -119,7 +120,7 @@ def find(left: Grey, right: Grey, patch: Patch, shifts: tuple[int, int]) -> Plac
 def _best_along_row(
     source: Grey, target: Grey, patch: Patch, offsets: tuple[int, int]
 ) -> tuple[int, int, float] | None:
-    """Column offset, row offset and correlation of the best match of source's patch in target, if it is clear."""
+    """Column offset, row offset and correlation of source's patch in target, if the match is clear."""
     first = max(patch.u + offsets[0] - patch.half_u, 0)
     last = min(patch.u + offsets[1] + patch.half_u, target.shape[1] - 1)
     if last - first < 2 * patch.half_u + 4:

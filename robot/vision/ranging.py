@@ -1,4 +1,4 @@
-"""How far the surface in the middle of a box is: [W]'s signed triangulation of one matched patch, with sigma."""
+"""How far the surface in the middle of a box is: [W]'s signed triangulation of a matched patch."""
 
 from __future__ import annotations
 
@@ -26,13 +26,14 @@ DOUBT = 0.25
 
 def range_box(
     left: Image, right: Image, box: Box, rig: StereoRig, mount: HeadMount, pan: float, tilt: float,
-    nearest_m: float = NEAREST_M,
+    nearest_m: float = NEAREST_M, calibration_sigma_px: float = 0.0,
 ) -> Range | None:  # fmt: skip
     """Distance to the visible surface at the box's centre; None where it cannot be told without doubt.
 
-    left, right: rectified, (H, W, 3) BGR or (H, W) grey uint8, equal in size. box in pixels of the left picture.
-    rig: a parallel pair. pan, tilt of the head in radians at capture. Disparities of surfaces from `nearest_m`
-    metres on are searched. [W]'s triangulation (METHODS 2): D = f B / d, sigma_D = D^2 sigma_d / (f B).
+    left, right: rectified, (H, W, 3) BGR or (H, W) grey uint8, equal in size. box in pixels of the left
+    picture. rig: a parallel pair. pan, tilt of the head in radians at capture. Disparities of surfaces from
+    `nearest_m` metres on are searched. calibration_sigma_px: standard deviation of what calibration leaves
+    in disparities. [W]'s triangulation (METHODS 2): D = f B / d, sigma_D = D^2 sigma_d / (f B).
     """
     u, v = box.centre
     half_u, half_v = (min(PATCH_SHARE * edge, LARGEST_HALF_PX) for edge in (box.w, box.h))
@@ -43,18 +44,19 @@ def range_box(
     if fit is None:
         return None
     disparity = fit.shift + rig.doffs
-    if disparity < FARTHEST_PX or fit.sigma > DOUBT * disparity:
+    sigma = math.hypot(fit.sigma, calibration_sigma_px)
+    if disparity < FARTHEST_PX or sigma > DOUBT * disparity:
         return None
     f, baseline = rig.left.fx, rig.baseline
     distance = depth(f, baseline, disparity)
     ray = np.array([(u - rig.left.cx) / f, (v - rig.left.cy) / rig.left.fy, 1.0])
     rotation, eye = mount.left_eye(pan, tilt)
     x, y, z = (float(c) for c in rotation @ (distance * ray) + eye)
-    return Range(distance, depth_sigma(f, baseline, distance, fit.sigma), (x, y, z), disparity)
+    return Range(distance, depth_sigma(f, baseline, distance, sigma), (x, y, z), disparity)
 
 
 def _shifts(rig: StereoRig, nearest_m: float) -> tuple[int, int]:
-    """Column differences u_l - u_r that surfaces from `nearest_m` to far away can have, a little more on each side."""
+    """Column differences u_l - u_r of surfaces from `nearest_m` to far away, and a little more."""
     most = rig.left.fx * rig.baseline / nearest_m
     return math.floor(-rig.doffs) - 2, math.ceil(most - rig.doffs) + 2
 

@@ -1,7 +1,8 @@
-"""Distance from two parallel cameras: the signed formula in use, and [W]'s published ones under their own names.
+"""Distance from two parallel cameras: the signed formula in use, and [W]'s under their own names.
 
-[W]: J. Wu, V. Snasel, A Vision-based Navigation System of Mobile Tracking Robot, IEEE SMC 2010. f is the focal
-length, B the distance between the cameras; distances come out in the unit of B, offsets are in the unit of f.
+[W]: J. Wu, V. Snasel, A Vision-based Navigation System of Mobile Tracking Robot, IEEE SMC 2010. f is the
+focal length, B the distance between the cameras; distances come out in the unit of B, offsets are in the
+unit of f.
 
 The unsigned forms and the six error formulas are here to reproduce [W]'s figures. They are never used to
 correct a range: the focal terms are exact, the toe-in terms are first order only, and their 2 f tan a aside
@@ -16,7 +17,7 @@ MAX_TOE_IN = math.radians(45.0)
 """Beyond this two cameras no longer look the same way, and f tan a loses its meaning."""
 
 
-class NoRange(ValueError):
+class RangeError(ValueError):
     """These measurements have no distance; the words say why."""
 
 
@@ -26,13 +27,13 @@ class NoRange(ValueError):
 def depth(f: float, baseline: float, disparity: float) -> float:
     """D = f B / d with d = u_l - u_r, both from their principal points and positive to the right.
 
-    Raises NoRange for d <= 0: such rays never meet before the cameras.
+    Raises RangeError for d <= 0: such rays never meet before the cameras.
 
     >>> depth(305.0, 0.06, 6.1)
     3.0
     """
     if not disparity > 0.0:
-        raise NoRange(f"disparity {disparity:g} px: the rays do not meet before the cameras")
+        raise RangeError(f"disparity {disparity:g} px: the rays do not meet before the cameras")
     return f * baseline / disparity
 
 
@@ -55,18 +56,18 @@ def farthest(f: float, baseline: float) -> float:
 
 
 def toed_in_offset(f: float, f_right: float, u_right: float, toe_in: float) -> float:
-    """Where an ideal right camera would see what a right camera turned left by `toe_in` radians sees at u_right.
+    """Where an ideal right camera sees what one turned left by `toe_in` radians sees at u_right.
 
-    u_ideal = f tan(atan(u_right / f_right) - a), offsets from the principal point, positive to the right; f of
-    the ideal (left) camera, f_right of the real one. Exact in the plane of the axes. Raises NoRange where the
-    turned ray lies 90 degrees or more from the ideal axis.
+    u_ideal = f tan(atan(u_right / f_right) - a), offsets from the principal point, positive to the right; f
+    of the ideal (left) camera, f_right of the real one. Exact in the plane of the axes. Raises RangeError
+    where the turned ray lies 90 degrees or more from the ideal axis.
 
     >>> toed_in_offset(305.0, 305.0, 0.0, 0.0)
     0.0
     """
     angle = math.atan(u_right / f_right) - toe_in
     if not abs(angle) < math.pi / 2:
-        raise NoRange(
+        raise RangeError(
             f"the right ray points {math.degrees(angle):.0f} degrees off the axis: no ideal camera sees it"
         )
     return f * math.tan(angle)
@@ -77,20 +78,21 @@ def range_toed_in(
 ) -> float:
     """The true distance of a pair whose right camera is turned left by `toe_in` radians.
 
-    u_left, u_right: measured offsets, positive to the right. Raises NoRange, with the reason, where the pair as
-    measured has a naive disparity <= 0 (from about 5 degrees on: a small error of `toe_in` would then mean any
-    distance) or the corrected rays do not meet.
+    u_left, u_right: measured offsets, positive to the right. Raises RangeError, with the reason, where the
+    pair as measured has a naive disparity <= 0 (from about 5 degrees on: a small error of `toe_in` would
+    then mean any distance) or the corrected rays do not meet.
 
-    >>> u_right = 305.0 * math.tan(math.radians(1.0) - math.atan(0.08))  # straight ahead of the left camera, 1 m
-    >>> round(range_toed_in(305.0, 0.08, 0.0, u_right, math.radians(1.0)), 6), round(-305.0 * 0.08 / u_right, 2)
+    >>> one = math.radians(1.0)
+    >>> u_right = 305.0 * math.tan(one - math.atan(0.08))  # straight ahead of the left camera, 1 m
+    >>> round(range_toed_in(305.0, 0.08, 0.0, u_right, one), 6), round(-305.0 * 0.08 / u_right, 2)
     (1.0, 1.28)
     """
     if not abs(toe_in) <= MAX_TOE_IN:
-        raise NoRange(
+        raise RangeError(
             f"toe-in of {math.degrees(toe_in):.1f} degrees: not two cameras side by side; mount them anew"
         )
     if not u_left > u_right:
-        raise NoRange(
+        raise RangeError(
             f"toe-in of {math.degrees(toe_in):.1f} degrees turns the disparity to {u_left - u_right:.1f} px: "
             "too little is left to measure by; turn the cameras parallel"
         )
