@@ -24,8 +24,8 @@ Sample = tuple[float, float, float]  # true, measured, sigma
 def samples(scene_name: str, seed: int) -> Iterator[Sample]:
     """True depth, measured depth and sigma of every range of one run."""
     scene = load_scene(scene_name)
-    target = target_for(scene.taught_object)
-    run = SimRun(scene, seed, target.recognizer, height_m=target.height_m)
+    model = target_for(scene.taught_object)
+    run = SimRun(scene, seed, model.recognizer, height_m=model.height_m)
     last = -1.0
     seq_at: dict[float, int] = {}
     try:
@@ -38,7 +38,7 @@ def samples(scene_name: str, seed: int) -> Iterator[Sample]:
                 continue
             last = target.at
             true = run.referee.true_range(seq_at[target.at], track.value.box)
-            if true is not None:
+            if true is not None and target.value.method == "stereo":
                 yield true, target.value.distance, target.value.sigma
     finally:
         run.close()

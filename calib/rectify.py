@@ -71,7 +71,7 @@ def rectifier(rig: StereoRig) -> Rectifier:
     size = (left.width, left.height)
     rotation_left, rotation_right, new_left, new_right, *_ = cv2.stereoRectify(
         left.matrix, _distortion(left), right.matrix, _distortion(right), size, rig.R,
-        np.array(rig.translation), flags=cv2.CALIB_ZERO_DISPARITY, alpha=0.0,
+        np.array(rig.translation).reshape(3, 1), flags=cv2.CALIB_ZERO_DISPARITY, alpha=0.0,
     )  # fmt: skip
     first, second = np.asarray(new_left, np.float64), np.asarray(new_right, np.float64)
     maps = _maps(left, rotation_left, first), _maps(right, rotation_right, second)

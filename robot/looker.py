@@ -12,12 +12,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Protocol
 
-from calib.model import HeadMount, StereoRig
-from robot.messages import Box, Detection, Image, Range, View, wrap
-from robot.vision.ranging import range_box
+from calib.model import StereoRig
+from robot.messages import Box, Detection, Image, View, wrap
+from robot.target_range import TargetRanger
 
 SMALLEST_PX, STEP, SIZES = 18.0, 1.25, 11
-SMALLEST_RATIO, LARGEST_RATIO = 0.6, 1.6  # of the height a box shows to the target's real one
 REMEMBERED = 1.0  # seconds for which a candidate's place is judged again
 
 
@@ -37,41 +36,13 @@ class Recognizes(Protocol):
         ...
 
 
-class SizeCheck:
-    """Whether a thing in a box can have the target's real height, by its measured distance.
-
-    A print on the floor or on a wall may look like the target; seldom is it as large as the target would be
-    at that distance.
-    """
-
-    def __init__(self, rig: StereoRig, mount: HeadMount, height_m: float | None) -> None:
-        self._rig = rig
-        self._mount = mount
-        self._height_m = height_m
-
-    def plausible(self, view: View, box: Box) -> bool:
-        """False if the distance was measured and the height does not fit; True if nothing is known."""
-        if self._height_m is None:
-            return True
-        frame, head = view.frame, view.head
-        measured = range_box(frame.left, frame.right, box, self._rig, self._mount, head.pan, head.tilt)
-        return measured is None or self.fits(box, measured)
-
-    def fits(self, box: Box, measured: Range) -> bool:
-        """The same for a distance that is known already."""
-        if self._height_m is None:
-            return True
-        ratio = box.h * measured.distance / (self._rig.left.fy * self._height_m)
-        return SMALLEST_RATIO <= ratio <= LARGEST_RATIO
-
-
 class Looker:
     """Searches views for the target; remembers the last candidate's direction and size."""
 
-    def __init__(self, rig: StereoRig, recognizer: Recognizes, size: SizeCheck) -> None:
+    def __init__(self, rig: StereoRig, recognizer: Recognizes, ranger: TargetRanger) -> None:
         self._eye = rig.left
         self._recognizer = recognizer
-        self._size = size
+        self._ranger = ranger
         self._looks = 0
         self._last: tuple[float, View, Detection] | None = None
 
@@ -84,7 +55,7 @@ class Looker:
         again = self._again(view)
         if again is not None and all(again.box.iou(other.box) < 0.1 for other in found):
             found.append(again)
-        found = [detection for detection in found if self._size.plausible(view, detection.box)]
+        found = [detection for detection in found if self._ranger.plausible(view, detection.box)]
         found.sort(key=lambda detection: -detection.score)
         ahead = view.base.yaw + view.head.pan
         placed = tuple(

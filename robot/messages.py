@@ -182,13 +182,15 @@ class Range:
     """Distance to the visible surface at the box centre.
 
     distance and sigma are along the optical axis (depth Z) in metres; position is (x, y, z) in the robot
-    frame at the frame's capture; disparity in px from the principal points.
+    frame at the frame's capture; disparity in px from the principal points. method: 'stereo', or 'size'
+    where only the target's known height in the picture tells its distance.
     """
 
     distance: float
     sigma: float
     position: tuple[float, float, float]
     disparity_px: float
+    method: str = "stereo"
 
     @property
     def bearing(self) -> float:

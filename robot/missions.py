@@ -26,12 +26,13 @@ from robot.sim.world import InjectedFault
 
 RUNS = Path("runs")
 DONE, FAILED = 0, 1
+TABLE_WIDTH = 160
 GOOD_SHARE = 0.8  # of its seeds a scene must succeed with
 
 
 def demo(seed: int, video: bool) -> int:
     """The whole robot in one mission, with pictures; a plain sentence at the end."""
-    console = Console(stderr=True)
+    console = _console()
     job = _job(load_scene("demo"), "demo", seed, SimOptions(), video, None, console)
     report = next(_run_all([job], 1, console))
     _print_outcome(report, console)
@@ -49,7 +50,7 @@ def run_sim(
     config: Path | None,
 ) -> int:
     """Run scenes with seeds; a table for people, JSON for programs."""
-    console = Console(stderr=True)
+    console = _console()
     names = shipped_scenes() if scene == "all" else (scene,)
     options = SimOptions(slow, tuple(parse_fault(text) for text in faults))
     work = [
@@ -66,6 +67,12 @@ def run_sim(
         return DONE if reports[0]["success"] else FAILED
     good = _print_table(names, reports, console)
     return DONE if good else FAILED
+
+
+def _console() -> Console:
+    """Standard error; where no terminal says how wide it is (a log, a pipe), wide enough for the table."""
+    console = Console(stderr=True)
+    return console if console.is_terminal else Console(stderr=True, width=TABLE_WIDTH)
 
 
 def parse_fault(text: str) -> InjectedFault:
@@ -129,8 +136,10 @@ def _run_all(work: Sequence[SimJob], jobs: int, console: Console) -> Iterator[di
 
 def _print_outcome(report: dict[str, Any], console: Console) -> None:
     verdict = "[green]Mission done[/]" if report["success"] else "[red]Mission failed[/]"
-    console.print(f"{verdict}: {report['reason']}")
-    console.print(f"Report, events, video and trajectory: {report['folder']} (also {RUNS}/latest)")
+    console.print(f"{verdict}: {report['reason']}", soft_wrap=True)
+    console.print(
+        f"Report, events, video and trajectory: {report['folder']} (also {RUNS}/latest)", soft_wrap=True
+    )
 
 
 def _print_table(names: Sequence[str], reports: Sequence[dict[str, Any]], console: Console) -> bool:
@@ -186,7 +195,7 @@ def teach_target(source: str, name: str, box: str | None, out: Path | None, seed
     """Teach a target from a folder, a video or a simulated studio; writes the model and its contact sheet."""
     import cv2
 
-    console = Console(stderr=True)
+    console = _console()
     out = out or taught.FOLDER / f"{_file_name(name)}.model"
     _check_writable(out)
     path = Path(source)
@@ -196,9 +205,9 @@ def teach_target(source: str, name: str, box: str | None, out: Path | None, seed
         load_scene(source)  # a clear error for what is neither folder, video nor scene
         lesson = taught.from_studio(name, source, seed, console)
     model_file.save(out, lesson.model)
-    console.print(f"{name}: {lesson.summary()}")
+    console.print(f"{name}: {lesson.summary()}", soft_wrap=True, markup=False)
     for warning in lesson.warnings:
-        console.print(f"[yellow]mind:[/] {warning}")
+        console.print(f"[yellow]mind:[/] {warning}", soft_wrap=True)
     sheet = out.with_suffix(".png")
     drawn = cv2.imwrite(str(sheet), lesson.contact_sheet)
     console.print(

@@ -14,7 +14,7 @@ import numpy as np
 from calib.model import HeadMount, StereoRig
 from robot.config import Config
 from robot.governor import StagePlan, governed_rates
-from robot.looker import Looker, Recognizes, SizeCheck
+from robot.looker import Looker, Recognizes
 from robot.messages import (
     Clearance,
     Detection,
@@ -31,6 +31,7 @@ from robot.messages import (
 )
 from robot.nav.grid import ObstacleMap
 from robot.target import TargetFollower, TargetSight
+from robot.target_range import TargetRanger
 from robot.vision import freespace, ground, health, passage
 from robot.vision.stereo import FloorAlignedMatcher, SemiGlobalMatcher
 from robot.workers import Job, Result, Worker
@@ -81,9 +82,9 @@ class Perception:
         self._worker = worker
         self.map = obstacle_map
         self._matcher = FloorAlignedMatcher(SemiGlobalMatcher(disparities=config.vision.disparities), rig, mount)
-        size = SizeCheck(rig, mount, height_m)
-        self._looker = Looker(rig, recognizer, size)
-        self._follower = TargetFollower(rig, mount, recognizer, size)
+        ranger = TargetRanger(rig, mount, height_m)
+        self._looker = Looker(rig, recognizer, ranger)
+        self._follower = TargetFollower(rig, recognizer, ranger)
         self._percepts = Percepts()
         self._seed: tuple[View, Detection] | None = None
         self._last_start: dict[str, float] = {}
@@ -210,7 +211,10 @@ class Perception:
     def _free_space(self, view: View) -> FreeSpace:
         disparity = self._matcher(view.frame.left, view.frame.right, view.head.pan, view.head.tilt)
         seen = (disparity, self._rig, self._mount, view.head.pan, view.head.tilt)
-        return replace(freespace.free_space(*seen), passage=passage.free_passage(*seen))
+        floor = freespace.free_space(*seen)
+        # The floor's cells are coarse: where a cell ends behind a step's face, the face itself ends the way.
+        floor = freespace.merge(floor, floor.obstacles)
+        return replace(floor, passage=passage.free_passage(*seen))
 
     def _ground(self, view: View) -> Obstacles:
         points = ground.obstacle_points(

@@ -70,7 +70,8 @@ def run_until(stop: threading.Event, config_path: Path, root: Path, duration: fl
         devices = Devices(hardware.camera, hardware.head, hardware.lamp, hardware.base, hardware.teleop)
         loop = build_loop(config, devices, perception, clock, [Recorder(folder.open_events()), announce])
         closing.callback(loop.close)
-        console.print(f"running, {PERIOD * 1e3:.0f} ms a tick; Ctrl-C ends it; record in {folder.path}")
+        words = f"running, {PERIOD * 1e3:.0f} ms a tick; Ctrl-C ends it; record in {folder.path}"
+        console.print(words, soft_wrap=True, markup=False)
         seconds = tick_until(loop, stop, duration)
         folder.write_report(report(announce, clock.now(), seconds))
     return HARDWARE_FAULT if announce.halted else DONE
@@ -168,4 +169,5 @@ class Announcer:
 
     def _say(self, tick: Tick, words: str, style: str | None = None) -> None:
         # Words may hold brackets (a fault's evidence): they are no markup.
-        self._console.print(f"{tick.now:7.2f} s  {words}", style=style, markup=False, highlight=False)
+        line = f"{tick.now:7.2f} s  {words}"
+        self._console.print(line, style=style, markup=False, highlight=False, soft_wrap=True)

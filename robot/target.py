@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-from calib.model import HeadMount, StereoRig
-from robot.looker import Recognizes, SizeCheck
+from calib.model import StereoRig
+from robot.looker import Recognizes
 from robot.messages import Detection, Range, Track, View, wrap
-from robot.vision.ranging import range_box
+from robot.target_range import TargetRanger
 from robot.vision.tracker import TemplateTracker
 
 CONFIRM_EVERY = 0.4  # seconds of picture time between looks of the recogniser at the tracked box
-MISFITS_ALLOWED = 10  # ranges in a row at which the box would not have the target's real height
 DOUBTS_ALLOWED = 3  # so many looks in a row may fail before the track counts as lost
 
 
@@ -28,12 +27,11 @@ class TargetFollower:
     """Follows the target from a first detection on; the recogniser looks at the box now and then."""
 
     def __init__(
-        self, rig: StereoRig, mount: HeadMount, recognizer: Recognizes, size: SizeCheck
+        self, rig: StereoRig, recognizer: Recognizes, ranger: TargetRanger
     ) -> None:
         self._rig = rig
-        self._mount = mount
         self._recognizer = recognizer
-        self._size = size
+        self._ranger = ranger
         self._tracker: TemplateTracker | None = None
         self._lost = False
 
@@ -55,7 +53,6 @@ class TargetFollower:
         self._last_view = view
         self._confirmed_at = view.frame.captured_at
         self._doubts = 0
-        self._misfits = 0
         self._distance: float | None = None
         self._closing = 1.0
 
@@ -74,17 +71,8 @@ class TargetFollower:
         self._lost = track.lost
         if track.lost:
             return TargetSight(track, None)
-        measured = range_box(
-            view.frame.left, view.frame.right, track.box, self._rig, self._mount, view.head.pan, view.head.tilt
-        )
+        measured = self._ranger.measure(view, track.box)
         self._note_distance(measured)
-        if measured is not None and not self._size.fits(track.box, measured):
-            self._misfits += 1
-            if self._misfits >= MISFITS_ALLOWED:
-                self._lost = True
-                return TargetSight(replace(track, lost=True), None)
-        else:
-            self._misfits = 0
         return TargetSight(track, measured)
 
     def _shift(self, view: View) -> tuple[float, float]:
@@ -112,6 +100,7 @@ class TargetFollower:
         if not track.lost and at - self._confirmed_at >= CONFIRM_EVERY:
             self._confirmed_at = at
             sure = self._recognizer.score(view.frame.left, track.box) >= 0.5
+            sure = sure and self._ranger.plausible(view, track.box)
             self._doubts = 0 if sure else self._doubts + 1
         if self._doubts >= DOUBTS_ALLOWED:
             return Track(track.box, track.velocity_px, 0.0, lost=True)

@@ -8,18 +8,17 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
 from robot import model_file, taught
 from robot.model_file import Model
-from robot.sim import teaching
-from robot.teach import teach
 
 ModelOf = Callable[[str], Path]
 
 
 @pytest.fixture(scope="session")
 def model_of(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> ModelOf:
-    """Path of the model of a simulated object, e.g. `model_of("box")`; the first to ask teaches it (5 s)."""
+    """Path of the model of a simulated object, e.g. `model_of("box")`; the first to ask teaches it."""
     base = tmp_path_factory.getbasetemp()
     shared = (base if worker_id == "master" else base.parent) / "models"
     shared.mkdir(exist_ok=True)
@@ -28,8 +27,8 @@ def model_of(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> ModelO
         path = shared / f"{target}.model"
         with _locked(shared / f"{target}.lock"):
             if not path.exists():
-                views = teaching.views(f"teach-{target}", taught.STUDIO_SEED)
-                lesson = teach(views, target, taught.STUDIO_SEED, focal_px=taught.FOCAL_PX)
+                quiet = Console(quiet=True)
+                lesson = taught.from_studio(target, f"teach-{target}", taught.STUDIO_SEED, quiet)
                 model_file.save(path, lesson.model)
         return path
 

@@ -489,6 +489,13 @@ def test_a_full_disk_ends_the_record_but_not_the_run(
     assert Path("runs/latest/events.jsonl").read_bytes() == lines[0] + lines[1]
 
 
+def test_a_run_that_cannot_be_recorded_from_the_start_is_refused(robot: Shell, box_model: Path) -> None:
+    give(robot, box_model)
+    write(robot.folder / "runs", "in the way")
+    scene = write(robot.folder / "short.toml", SCENE)
+    assert "choose a writable folder" in robot.refused("run", "--sim", scene)
+
+
 def test_several_runs_are_a_list_and_a_table(robot: Shell, box_model: Path) -> None:
     give(robot, box_model)
     scene = write(robot.folder / "short.toml", SCENE.replace("2.0", "1.0"))

@@ -9,7 +9,7 @@ from robot.states.behaviour import Behaviour, pan_towards
 
 SAMPLES = 5
 PATIENCE = 3.0
-LARGEST_SIGMA_SHARE = 0.1
+LARGEST_SIGMA_SHARE = 0.12
 
 
 class Range:

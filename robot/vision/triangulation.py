@@ -29,7 +29,7 @@ def depth(f: float, baseline: float, disparity: float) -> float:
 
     Raises RangeError for d <= 0: such rays never meet before the cameras.
 
-    >>> depth(305.0, 0.06, 6.1)
+    >>> round(depth(305.0, 0.06, 6.1), 6)
     3.0
     """
     if not disparity > 0.0:
@@ -49,7 +49,7 @@ def depth_sigma(f: float, baseline: float, distance: float, disparity_sigma: flo
 def farthest(f: float, baseline: float) -> float:
     """D_max: the distance of a displacement of one pixel, f B.
 
-    >>> farthest(305.0, 0.08)
+    >>> round(farthest(305.0, 0.08), 6)
     24.4
     """
     return f * baseline

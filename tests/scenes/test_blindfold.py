@@ -63,10 +63,10 @@ def test_bad_eyes_under_way_stop_the_robot_and_end_the_claim(
     kind: str, scene: str, box: Model, open_eyed: Outcome
 ) -> None:
     fault = InjectedFault("camera", kind, UNDER_WAY)
-    outcome = drive(scene, 1, box, seconds=UNDER_WAY + 4.0, faults=[fault])
+    outcome = drive(scene, 1, box, seconds=UNDER_WAY + 3.0, faults=[fault])
     assert f"camera.{kind}" in outcome.faults
     assert outcome.states[-1] not in ("range", "track", "avoid")
-    # Four seconds' drive are 1 m. Exchanged eyes are told within 1.5 s, the rest at once.
+    # Three seconds' drive are 0.75 m. Exchanged eyes are told within 1.5 s, the rest at once.
     way_to_stop = 0.25 * 1.5 + 0.08 if kind == "swapped" else 0.15
     assert outcome.displaced < open_eyed.displaced + way_to_stop
     assert outcome.report["collisions"] == 0

@@ -63,13 +63,23 @@ def test_a_target_in_plain_sight_is_found_ranged_and_followed(tmp_path: Path, bo
     assert not outcome.lamp_burned, "it is day"
 
 
-def test_a_block_in_the_straight_way_is_gone_round(tmp_path: Path, box: Model) -> None:
-    outcome = drive(scene_file(tmp_path, "block", BLOCK_IN_THE_WAY, heading="[-10.0, 10.0]"), 1, box)
+def goes_round(folder: Path, seed: int, target: Model) -> None:
+    outcome = drive(scene_file(folder, "block", BLOCK_IN_THE_WAY, heading="[-10.0, 10.0]"), seed, target)
     reached(outcome)
     assert outcome.report["detour_needed"]
     assert outcome.report["detour_taken"]
     assert "avoid" in outcome.states
     assert outcome.report["duration_s"] < 25.0
+
+
+def test_a_block_in_the_straight_way_is_gone_round(tmp_path: Path, box: Model) -> None:
+    goes_round(tmp_path, 2, box)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 3, 4])
+def test_a_block_is_gone_round_whatever_the_room(seed: int, tmp_path: Path, box: Model) -> None:
+    goes_round(tmp_path, seed, box)
 
 
 def test_at_night_the_lamp_is_lit_and_the_target_found(tmp_path: Path, box: Model) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from rendered_pairs import MOUNT, RIG, TILT, Block, Room, render
 
-from calib.model import StereoRig
+from calib.model import HeadMount, StereoRig
 from robot.vision.ground import find_obstacles, ground_homography, homography_from_matches, obstacle_points
 
 
@@ -98,9 +98,11 @@ def test_what_stands_up_is_found_where_it_stands(block):
 
 
 def test_what_hangs_higher_than_the_body_is_free():
-    pair = render(Room((Block(1.0, 0.0, 0.4, 1.0, 0.6, z0=0.45),)), tilt=0.1)
-    points = obstacle_points(pair.left, pair.right, RIG, MOUNT, 0.0, 0.1)
-    assert not (np.hypot(points[:, 0], points[:, 1]) < 1.3).any()
+    high = HeadMount(height=1.0)
+    for bottom, found in ((0.5, False), (0.0, True)):
+        pair = render(Room((Block(0.9, 0.0, 0.2, 0.5, bottom + 0.1, z0=bottom),)), mount=high, tilt=0.6)
+        points = obstacle_points(pair.left, pair.right, RIG, high, 0.0, 0.6)
+        assert (np.hypot(points[:, 0], points[:, 1]) < 1.3).any() == found
 
 
 def test_black_pictures_hold_nothing():
