@@ -1,4 +1,4 @@
-"""How far the target is: by stereo, held against its known size, and by its size where stereo has no answer."""
+"""How far the target is: by stereo, held against its known size; by its size where stereo has no answer."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from calib.model import HeadMount, StereoRig
 from robot.messages import Box, Range, View
 from robot.vision.ranging import range_box
 
-SMALLEST_RATIO, LARGEST_RATIO = 0.6, 1.6  # of the height a box shows, at its distance, to the target's real one
+SMALLEST_RATIO, LARGEST_RATIO = 0.6, 1.6  # of the height a box shows at its distance to the target's real one
 SIZE_SIGMA = 0.1  # share of the distance: a box is seldom truer than a tenth of its height
+SMALLEST_PX = 8.0
 RIM_PX = 2.0  # a box nearer than this to the picture's rim may be cut: its height says nothing
 
 
@@ -37,7 +38,7 @@ class TargetRanger:
         return self._by_size(view, box)
 
     def fits(self, box: Box, measured: Range) -> bool:
-        """True if a thing of the box's height at this distance can be the target, or its size is not known."""
+        """True if a thing that high at this distance can be the target, or if its size is not known."""
         if self._height_m is None:
             return True
         ratio = box.h * measured.distance / (self._rig.left.fy * self._height_m)
@@ -60,8 +61,7 @@ class TargetRanger:
 
     def _by_size(self, view: View, box: Box) -> Range | None:
         eye = self._rig.left
-        whole = box.clipped(eye.width, eye.height)
-        if self._height_m is None or whole.area < box.area or box.h < 4.0 or _at_rim(box, eye.width, eye.height):
+        if self._height_m is None or box.h < SMALLEST_PX or _cut(box, eye.width, eye.height):
             return None
         distance = eye.fy * self._height_m / box.h
         u, v = box.centre
@@ -77,7 +77,7 @@ def _sides(box: Box) -> tuple[Box, Box]:
     return Box(box.x, box.y, half, box.h), Box(box.x + half, box.y, half, box.h)
 
 
-def _at_rim(box: Box, width: int, height: int) -> bool:
+def _cut(box: Box, width: int, height: int) -> bool:
     return (
         box.x < RIM_PX or box.y < RIM_PX or box.x + box.w > width - RIM_PX or box.y + box.h > height - RIM_PX
     )

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from calib.model import HeadMount, StereoRig
-from robot.looker import SizeCheck
 from robot.messages import Box, Detection, HeadPose, Image, Pose2, StereoFrame, View
-from robot.target import CONFIRM_EVERY, DOUBTS_ALLOWED, MISFITS_ALLOWED, TargetFollower
+from robot.target import CONFIRM_EVERY, DOUBTS_ALLOWED, TargetFollower
+from robot.target_range import SIZE_SIGMA, TargetRanger
 from robot.vision.textures import texture
 
 RIG = StereoRig.parallel(352, 288, 305.0, 0.06)
@@ -57,8 +57,7 @@ class Judge:
 
 
 def new_follower(judge: Judge | None = None, height_m: float | None = None) -> TargetFollower:
-    mount = HeadMount()
-    return TargetFollower(RIG, mount, judge or Judge(), SizeCheck(RIG, mount, height_m))
+    return TargetFollower(RIG, judge or Judge(), TargetRanger(RIG, HeadMount(), height_m))
 
 
 def follower(judge: Judge | None = None, height_m: float | None = None) -> TargetFollower:
@@ -139,7 +138,7 @@ def follow_until(started: TargetFollower, seconds: float, begin: float = 0.0) ->
     for tick in range(1, round(seconds * 25) + 1):
         sight = started.update(view(begin + tick * 0.04))
         assert sight is not None
-        assert (sight.range is None) == sight.track.lost
+        assert sight.range is None or not sight.track.lost
         lost.append(sight.track.lost)
     return lost
 
@@ -178,12 +177,11 @@ def test_one_sure_look_wipes_out_the_doubts_before_it() -> None:
 
 
 def test_a_box_that_is_not_as_large_as_the_target_there_is_given_up() -> None:
-    """70 px at 1.5 m are 0.35 m."""
-    fitting, tall, small = (follower(height_m=height) for height in (0.35, 0.7, 0.15))
-    assert not any(follow_until(fitting, 1.0))
-    for misfit in (tall, small):
-        lost = follow_until(misfit, 1.0)
-        assert lost.index(True) == MISFITS_ALLOWED - 1
+    """70 px at 1.5 m are 0.35 m: the recogniser's word alone does not do."""
+    assert not any(follow_until(follower(height_m=0.35), 2.0))
+    for height in (0.8, 0.15):
+        misfit = follower(height_m=height)
+        assert follow_until(misfit, (DOUBTS_ALLOWED + 1) * CONFIRM_EVERY)[-1]
         assert not misfit.following
 
 
@@ -215,3 +213,38 @@ def test_a_wall_without_depth_is_followed_without_a_range() -> None:
     assert sight is not None
     assert not sight.track.lost
     assert sight.range is None
+
+
+def one_eyed(at: float) -> View:
+    """The right eye sees a grey wall only."""
+    left, _ = seen()
+    return View(StereoFrame(left, np.full_like(left, 90), at, round(at * 25)), HeadPose(), Pose2())
+
+
+def test_a_target_one_eye_cannot_see_is_ranged_by_its_known_size() -> None:
+    sight = follower(height_m=0.35).update(one_eyed(0.04))
+    assert sight is not None
+    assert sight.range is not None
+    assert sight.range.method == "size"
+    assert sight.range.distance == pytest.approx(305.0 * 0.35 / sight.track.box.h)
+    assert sight.range.sigma == pytest.approx(SIZE_SIGMA * sight.range.distance)
+    by_stereo = TargetRanger(RIG, HeadMount()).measure(view(0.04), sight.track.box)
+    assert by_stereo is not None
+    # Both lie on the ray through the box's middle.
+    _, eye = HeadMount().left_eye(0.0, 0.0)
+    scale = sight.range.distance / by_stereo.distance
+    assert np.array(sight.range.position) - eye == pytest.approx(scale * (np.array(by_stereo.position) - eye))
+
+
+def test_a_box_at_the_pictures_rim_has_no_range_by_size() -> None:
+    ranger = TargetRanger(RIG, HeadMount(), 0.35)
+    for rim in (Box(1.0, 100.0, 60.0, 70.0), Box(140.0, 217.5, 60.0, 70.0), Box(300.0, 100.0, 60.0, 70.0)):
+        assert ranger.measure(one_eyed(0.04), rim) is None
+    assert ranger.measure(one_eyed(0.04), BOX) is not None
+
+
+def test_stereo_beats_size_where_both_tell() -> None:
+    measured = TargetRanger(RIG, HeadMount(), 0.3).measure(view(0.04), BOX)
+    assert measured is not None
+    assert measured.distance == pytest.approx(DEPTH, rel=0.01)
+    assert measured.method != "size"

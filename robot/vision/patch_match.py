@@ -25,8 +25,8 @@ RIVAL_MARGIN = 0.06
 """So much worse any other place along the row must match."""
 ROW_SKEW_PX = 1
 """Rows the right eye may be off by, up or down."""
-PRIOR_SIGMA = np.array([1e6, 0.12, 0.12, 0.25])
-"""Known beforehand: nothing of the shift, the surface's slopes (px per px), the row skew (px)."""
+PRIOR_SIGMA = np.array([1e6, 0.12, 0.12, 0.003, 0.25])
+"""Known beforehand: nothing of the shift; slopes (px per px), bend along u (px per px^2), row skew (px)."""
 NOISE_CORRELATION = 1.6
 """Residuals of neighbouring pixels are alike (lens blur, interpolation): sigma grows by this factor."""
 SIGMA_FLOOR_PX = 0.025
@@ -162,12 +162,12 @@ def refine(left: Grey, right: Grey, patch: Patch, place: Place) -> Fit | None:
     """
     x, y, template = _samples(left, patch)
     along_u, along_v = _gradients(left, patch)
-    jacobian = np.column_stack([along_u, along_u * x, along_u * y, -along_v])
+    jacobian = np.column_stack([along_u, along_u * x, along_u * y, along_u * x * x, -along_v])
     if not float(along_u @ along_u) > 0.0:
         return None
     nearness = np.exp(-0.5 * ((x / (0.6 * patch.half_u)) ** 2 + (y / (0.6 * patch.half_v)) ** 2))
     warp = _Warp(right, patch, place, x, y)
-    start = np.array([float(place.shift), 0.0, 0.0, float(place.lower)])
+    start = np.array([float(place.shift), 0.0, 0.0, 0.0, float(place.lower)])
     parameters = start.copy()
     for _ in range(ITERATIONS):
         residual, _ = _residual(template, warp(parameters), nearness)
@@ -205,7 +205,7 @@ def _agreed(whole: Fit, inner: Fit) -> Fit:
 
 
 class _Warp:
-    """The right patch where the parameters (shift, slope_u, slope_v, lower) put it."""
+    """The right patch where the parameters (shift, slope_u, slope_v, bend, lower) put it."""
 
     def __init__(self, right: Grey, patch: Patch, place: Place, x: Array, y: Array) -> None:
         column = patch.u - place.shift
@@ -219,8 +219,8 @@ class _Warp:
         self._u, self._v = patch.u_true - left + x, patch.v_true - top + y
 
     def __call__(self, parameters: Array) -> Array:
-        shift, slope_u, slope_v, lower = parameters
-        columns = self._u - (shift + slope_u * self._x + slope_v * self._y)
+        shift, slope_u, slope_v, bend, lower = parameters
+        columns = self._u - (shift + (slope_u + bend * self._x) * self._x + slope_v * self._y)
         values: Array = map_coordinates(
             self._spline, (self._v + lower, columns), order=3, mode="mirror", prefilter=False
         )
