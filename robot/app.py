@@ -14,7 +14,7 @@ from robot.clock import Clock
 from robot.config import Config
 from robot.guard import GuardLimits
 from robot.loop import Devices, Loop, LoopSettings
-from robot.messages import Pose2, Tick
+from robot.messages import Fault, Pose2, Tick
 from robot.nav.grid import MapSettings, ObstacleMap
 from robot.perception import STAGES, Perception
 from robot.states.avoid import Avoid
@@ -97,6 +97,19 @@ def loop_settings(config: Config) -> LoopSettings:
     )
 
 
+def wheels_settings(config: Config) -> WheelsSettings:
+    """The wheeled body's numbers."""
+    base, head = config.base, config.head
+    return WheelsSettings(
+        cruise=base.max_speed_m_s,
+        max_turn=math.radians(base.max_turn_deg_s),
+        command_life=config.safety.command_life_s,
+        pan_limit=math.radians(head.pan_limit_deg),
+        tilt_up_limit=math.radians(head.tilt_up_limit_deg),
+        tilt_down_limit=math.radians(head.tilt_down_limit_deg),
+    )
+
+
 def build_perception(
     config: Config, rig: StereoRig, recognizer: Recognizes, worker: Worker, height_m: float | None = None
 ) -> Perception:
@@ -109,9 +122,10 @@ def build_perception(
 def build_loop(
     config: Config, devices: Devices, perception: Perception, clock: Clock,
     observers: Sequence[Callable[[Tick], None]] = (),
+    watched: Sequence[Callable[[float], tuple[Fault, ...]]] = (),
 ) -> Loop:
     """Everything joined, ready to tick."""
     cv2.setNumThreads(1)
-    body = WheelsBody(WheelsSettings())
+    body = WheelsBody(wheels_settings(config))
     states = build_states(config, perception.map)
-    return Loop(clock, devices, perception, RobotChart(), states, body, loop_settings(config), observers)
+    return Loop(clock, devices, perception, RobotChart(), states, body, loop_settings(config), observers, watched)

@@ -54,6 +54,7 @@ TABLE: dict[str, Row] = {
     "teleop.link": Row(Action.CARRY_ON, 0.5, "the teleop link does not answer: check its cable; autonomy goes on"),
     "teleop.silent": Row(Action.STOP, 0.5, "the person at the stick went silent: the robot waits; take or release again"),
     "recorder.full": Row(Action.CARRY_ON, 1.0, "the disk is full: the run goes on, its record ends here; make room"),
+    "recorder.error": Row(Action.CARRY_ON, 0.1, "the record met its own mistake and ends here: report it"),
     "vision.late": Row(Action.CARRY_ON, 1.0, "vision needs more time than there is: rates were lowered"),
     "vision.error": Row(Action.HALT, 0.5, "a vision stage met its own mistake: read the log, report it"),
     "loop.error": Row(Action.HALT, 0.1, "the program met its own mistake: read the log, report it"),

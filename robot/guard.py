@@ -21,6 +21,8 @@ from dataclasses import dataclass, replace
 
 from robot.messages import Clearance, Command, HeadPose, Sent, Twist
 
+_SLOWEST_TURN = 0.1
+"""On the spot, turning rates below this (rad/s) move no wheel."""
 _CREEP = 0.005
 """Speeds below this (m/s) move no motor: they are a stop, said so."""
 _NOTHING = 1e-9
@@ -188,7 +190,12 @@ def _free_space_age(state: GuardInput) -> float | None:
 
 
 def _on_the_spot(twist: Twist, state: GuardInput, why: str) -> tuple[Twist, str]:
-    """What remains of a curve that may not be driven: its turning, which sweeps nothing but the body."""
+    """What remains of a curve that may not be driven: its turning, which sweeps nothing but the body.
+
+    A turning too slow to move the wheels is none: they would stand under power and look stalled.
+    """
+    if abs(twist.w) < _SLOWEST_TURN:
+        return Twist(), why
     turned, _ = _turning(Twist(0.0, twist.w), state)
     return turned, why
 

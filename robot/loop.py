@@ -125,12 +125,16 @@ class LoopSettings:
 
 
 class Loop:
-    """One robot's control loop; call `tick` 25 times a second."""
+    """One robot's control loop; call `tick` 25 times a second.
+
+    observers are told every tick; watched are asked every tick for faults of what is no device (the record).
+    """
 
     def __init__(
         self, clock: Clock, devices: Devices, perception: PerceptionLike, chart: ChartLike,
         states: Mapping[str, StateLike], body: BodyLike, settings: LoopSettings,
         observers: Sequence[Callable[[Tick], None]] = (),
+        watched: Sequence[Callable[[float], tuple[Fault, ...]]] = (),
     ) -> None:
         self._clock = clock
         self._devices = devices
@@ -139,7 +143,8 @@ class Loop:
         self._states = states
         self._body = body
         self._settings = settings
-        self._observers = tuple(observers)
+        self._observers = list(observers)
+        self._watched = tuple(watched)
         self._seq = -1
         self._started = clock.now()
         self._acted_at = clock.now()
@@ -151,6 +156,7 @@ class Loop:
         self._error: Fault | None = None
         self._since: dict[str, float] = {}
         self._entered = False
+        self._watch_faults: list[Fault] = []
 
     # ------------------------------------------------------------------------------------- one tick
 
@@ -167,13 +173,22 @@ class Loop:
         transitions = self._decide(situation, active, verdict)
         sent = self._act(situation, percepts, active, verdict)
         tick = Tick(now, self._chart.leaf, view, percepts, odometry, head, self._intent, sent, active, transitions)
-        for observe in self._observers:
-            observe(tick)
+        self._publish(tick)
         return tick
 
     def close(self) -> None:
         """Stop the wheels. The devices themselves are closed by whoever opened them."""
         self._devices.base.stop(self._clock.now())
+
+    def _publish(self, tick: Tick) -> None:
+        """Tell the observers; one that fails is told no more, for watching must never end the run."""
+        for observe in tuple(self._observers):
+            try:
+                observe(tick)
+            except Exception as error:
+                self._observers.remove(observe)
+                words = f"{type(error).__name__}: {error}"
+                self._watch_faults.append(Fault("recorder", "error", tick.now, words))
 
     # ------------------------------------------------------------------------------------------ see
 
@@ -195,6 +210,9 @@ class Loop:
             if device is not None:
                 found.extend(device.faults(now))
         found.extend(self._perception.faults(now))
+        found.extend(self._watch_faults)
+        for watch in self._watched:
+            found.extend(watch(now))
         found.extend(self._picture_faults(now, percepts))
         if silent:
             found.append(Fault("teleop", "silent", self._since_first("teleop.silent", now)))

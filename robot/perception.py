@@ -96,7 +96,6 @@ class Perception:
         self._costs = {name: stage.cost_s for name, stage in stages.items()}
         self._wanted_hz = {name: stage.rate_hz for name, stage in stages.items()}
         self._errors: dict[str, Fault] = {}
-        self.seconds: dict[str, list[float]] = {name: [] for name in STAGES}
 
     # ------------------------------------------------------------------------------------ in and out
 
@@ -182,7 +181,6 @@ class Perception:
 
     def _account(self, result: Result) -> None:
         """Learn what a stage costs; the slow average keeps the governor from hunting."""
-        self.seconds[result.stage].append(result.seconds)
         self._costs[result.stage] += 0.2 * (result.seconds - self._costs[result.stage])
         if result.error is not None:
             at = result.view.frame.captured_at

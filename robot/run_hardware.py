@@ -6,7 +6,7 @@ import signal
 import threading
 import time
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from datetime import datetime
 from pathlib import Path
@@ -68,7 +68,8 @@ def run_until(stop: threading.Event, config_path: Path, root: Path, duration: fl
         closing.callback(perception.close)
         announce = Announcer(console)
         devices = Devices(hardware.camera, hardware.head, hardware.lamp, hardware.base, hardware.teleop)
-        loop = build_loop(config, devices, perception, clock, [Recorder(folder.open_events()), announce])
+        observers: list[Callable[[Tick], None]] = [Recorder(folder.open_events()), announce]
+        loop = build_loop(config, devices, perception, clock, observers, [folder.recording.faults])
         closing.callback(loop.close)
         words = f"running, {PERIOD * 1e3:.0f} ms a tick; Ctrl-C ends it; record in {folder.path}"
         console.print(words, soft_wrap=True, markup=False)

@@ -261,3 +261,25 @@ def test_close_stops_the_wheels():
     bench.run(10)
     bench.loop.close()
     assert bench.base.calls[-1].method == "stop"
+
+
+def test_an_observer_that_fails_is_told_no_more_and_the_run_goes_on():
+    bench = Bench().in_state("armed")
+    told = []
+
+    def watch(tick):
+        told.append(tick.now)
+        raise ValueError("NaN in the evidence")
+
+    bench.loop._observers.append(watch)
+    tick = bench.run(20)
+    assert len(told) == 1
+    assert tick.sent.twist.v == pytest.approx(0.2)
+    assert {"recorder.error"} == {fault.key for fault in tick.faults}
+
+
+def test_what_is_watched_beside_the_devices_is_told_as_a_fault():
+    bench = Bench()
+    bench.loop._watched = (lambda now: (Fault("recorder", "full", now),),)
+    assert [fault.key for fault in bench.run(2).faults] == ["recorder.full"]
+    assert bench.run(2).state == "idle"

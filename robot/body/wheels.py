@@ -74,6 +74,8 @@ class WheelsSettings:
     """A glance at the floor before the wheels lasts so long: head there, one look, map told ..."""
     glance_pause: float = 1.2
     """... and the next comes no sooner after it."""
+    glance_aside: tuple[float, ...] = (0.0, -0.7, 0.7)
+    """Bearings beside the motion's that glances take in turn."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +88,7 @@ class WheelsState:
     progress: float = 0.0
     glance_at: float = -math.inf
     glance_pan: float = 0.0
+    glances: int = 0
 
 
 class WheelsBody:
@@ -245,8 +248,10 @@ def _look(
         return state, HeadPose(state.glance_pan, settings.glance_tilt)
     if blocked_towards is None or since < settings.glance_for + settings.glance_pause:
         return state, _clamped(settings, look)
-    head = _clamped(settings, HeadPose(blocked_towards, settings.glance_tilt))
-    return replace(state, glance_at=now, glance_pan=head.pan), head
+    # One look down does not cover the whole way: glances that follow one another look beside it too.
+    aside = settings.glance_aside[state.glances % len(settings.glance_aside)]
+    head = _clamped(settings, HeadPose(blocked_towards + aside, settings.glance_tilt))
+    return replace(state, glance_at=now, glance_pan=head.pan, glances=state.glances + 1), head
 
 
 def _clamped(settings: WheelsSettings, look: HeadPose) -> HeadPose:

@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
+from robot.messages import Fault
+
 
 @dataclass(frozen=True, slots=True)
 class Stopped:
@@ -50,6 +52,12 @@ class Recording:
             yield
         except OSError as error:
             self.stop(now, error.strerror or str(error) or type(error).__name__)
+
+    def faults(self, now: float) -> tuple[Fault, ...]:
+        """The fault `recorder.full` from the moment the record ended early."""
+        if self._stopped is None:
+            return ()
+        return (Fault("recorder", "full", self._stopped.at, self._stopped.reason),)
 
     def summary(self) -> dict[str, float | str]:
         """For the report: empty, or `recording_stopped_at` in s and `recording_stopped_reason`."""

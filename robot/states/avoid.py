@@ -13,6 +13,7 @@ from robot.states.behaviour import Behaviour, distance_between, look_at_place, p
 
 REPLAN_EVERY = 0.8
 PATIENCE = 30.0
+STUCK_AFTER = 6.0  # seconds without moving although there is a path; glances at the floor take some of them
 LOOK_AROUND_FOR = 4.0
 
 
@@ -29,7 +30,7 @@ class Avoid:
         self._planned_at = -math.inf
         self._path: tuple[tuple[float, float], ...] | None = None
         self._pathless_since: float | None = None
-        self._heading = situation.odometry.pose.yaw
+        self._moved_at = situation.now
 
     def step(self, situation: Situation) -> tuple[Intent, Event | None]:
         """Follow the detour; leave when the way to the target is free, or hopeless."""
@@ -54,7 +55,6 @@ class Avoid:
             self._pathless_since = None
         elif self._pathless_since is None:
             self._pathless_since = situation.now
-            self._heading = pose.yaw
 
     def _goal_distance(self) -> float:
         # The stand-off is measured from the eyes to the target's surface, the plan from centre to centre.
@@ -109,6 +109,11 @@ class Avoid:
             return Event("target_lost", "the detour is driven and the target is not in view", evidence)
         if self._pathless_since is not None and situation.now - self._pathless_since > LOOK_AROUND_FOR:
             return Event("target_lost", "there is no way to the target from here", evidence)
+        twist = situation.odometry.twist
+        if self._path is None or abs(twist.v) > 0.02 or abs(twist.w) > 0.1:
+            self._moved_at = situation.now
+        if situation.now - self._moved_at > STUCK_AFTER:
+            return Event("target_lost", "no way was made on the detour", evidence)
         if situation.now - self._since > PATIENCE:
             return Event("target_lost", "the detour takes too long", evidence)
         return None

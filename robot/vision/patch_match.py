@@ -1,9 +1,9 @@
 """One patch of the left picture found again in the right one, to a small part of a pixel, with honest doubt.
 
 Two steps. `find` tries whole-pixel shifts along the row by normalised correlation, and refuses rivals and
-matches that do not lead back. `refine` fits a slanted plane of disparity, gain and a small skew of rows to
-the grey values by weighted least squares on a cubic spline (no pixel locking as a parabola over scores has
-it).
+matches that do not lead back. `refine` fits a slanted, bent patch of disparity, gain and a small skew of rows
+to the grey values by weighted least squares on a cubic spline (no pixel locking, as a parabola over scores
+has it; the bend keeps upright edges and round cups from reading too far).
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ RIVAL_MARGIN = 0.06
 """So much worse any other place along the row must match."""
 ROW_SKEW_PX = 1
 """Rows the right eye may be off by, up or down."""
-PRIOR_SIGMA = np.array([1e6, 0.12, 0.12, 0.003, 0.25])
-"""Known beforehand: nothing of the shift; slopes (px per px), bend along u (px per px^2), row skew (px)."""
+PRIOR_SIGMA = np.array([1e6, 0.12, 0.12, 0.03, 0.25])
+"""Known beforehand: nothing of the shift; slopes and bend (px per px), row skew (px)."""
 NOISE_CORRELATION = 1.6
 """Residuals of neighbouring pixels are alike (lens blur, interpolation): sigma grows by this factor."""
 SIGMA_FLOOR_PX = 0.025
@@ -35,6 +35,8 @@ INNER_SHARE = 0.55
 """Edge of the inner patch whose word is set against the whole one's."""
 CLEARLY_APART, DISAGREEMENT_SHARE = 3.0, 0.5
 """Sigmas from which two fits mean two surfaces; share of their difference that is added to sigma."""
+BEND_SHARE = 0.1
+"""Share of the fitted bend that may be shape the fit cannot follow."""
 ITERATIONS, SETTLED_PX, LARGEST_CORRECTION_PX = 6, 2e-3, 1.5
 
 
@@ -155,14 +157,14 @@ def _clear(scores: NDArray[np.float32], best: int) -> bool:
 
 
 def refine(left: Grey, right: Grey, patch: Patch, place: Place) -> Fit | None:
-    """Least squares about `place`: shift, its slopes along u and v, row skew, gain and offset.
+    """Least squares about `place`: shift, its slopes along u and v, its bend along u, row skew, gain, offset.
 
     Gauss-Newton with the left patch's own gradient (inverse-compositional, Baker & Matthews 2004).
     None if the patch is flat or the fit runs away.
     """
     x, y, template = _samples(left, patch)
     along_u, along_v = _gradients(left, patch)
-    jacobian = np.column_stack([along_u, along_u * x, along_u * y, along_u * x * x, -along_v])
+    jacobian = np.column_stack([along_u, along_u * x, along_u * y, along_u * x * x / patch.half_u, -along_v])
     if not float(along_u @ along_u) > 0.0:
         return None
     nearness = np.exp(-0.5 * ((x / (0.6 * patch.half_u)) ** 2 + (y / (0.6 * patch.half_v)) ** 2))
@@ -184,7 +186,8 @@ def refine(left: Grey, right: Grey, patch: Patch, place: Place) -> Fit | None:
     inverse = np.linalg.inv(normal)
     spread = inverse @ (weighted.T @ weighted * noise**2 + np.diag(prior) * noise**2) @ inverse
     _, correlation = _residual(template, warp(parameters), nearness)
-    sigma = float(np.hypot(NOISE_CORRELATION * np.sqrt(spread[0, 0]), SIGMA_FLOOR_PX))
+    unknown = np.hypot(SIGMA_FLOOR_PX, BEND_SHARE * parameters[3] * patch.half_u)
+    sigma = float(np.hypot(NOISE_CORRELATION * np.sqrt(spread[0, 0]), unknown))
     return Fit(float(parameters[0]), sigma, correlation)
 
 
@@ -216,11 +219,12 @@ class _Warp:
             right[top : patch.v + patch.half_v + 7, left:right_end], order=3, mode="mirror"
         )
         self._x, self._y = x, y
+        self._bent = x * x / patch.half_u
         self._u, self._v = patch.u_true - left + x, patch.v_true - top + y
 
     def __call__(self, parameters: Array) -> Array:
         shift, slope_u, slope_v, bend, lower = parameters
-        columns = self._u - (shift + (slope_u + bend * self._x) * self._x + slope_v * self._y)
+        columns = self._u - (shift + slope_u * self._x + slope_v * self._y + bend * self._bent)
         values: Array = map_coordinates(
             self._spline, (self._v + lower, columns), order=3, mode="mirror", prefilter=False
         )

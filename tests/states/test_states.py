@@ -340,3 +340,15 @@ class TestAvoid:
         assert event.name == "target_lost"
         assert "no way" in event.reason
         assert len(pans) > 5
+
+    def test_no_progress_on_the_detour_ends_it(self):
+        state = Avoid(BEHAVIOUR, with_wall(open_floor(), 1.0, 0.4))
+        state.enter(situation(0.0))
+        lost = {"track": Timed(LOST, 0.0), "place": Timed((2.2, 0.0), 0.0)}
+        for k in range(200):
+            now = 0.04 * (k + 1)
+            event = state.step(situation(now, **lost))[1]
+            if event is not None:
+                break
+        assert "no way was made" in event.reason
+        assert 6.0 < now < 7.0

@@ -63,6 +63,20 @@ def test_sigma_is_honest() -> None:
     assert np.mean(off <= 2.0) >= 0.85
 
 
+@pytest.mark.parametrize("distance", [0.8, 1.2, 1.6])
+def test_an_upright_edge_in_the_middle_is_not_read_too_far(distance: float) -> None:
+    half_diagonal = 0.25 / 2**0.5
+    block = Block(distance + 0.08 + half_diagonal, 0.03, 0.25, 0.25, 0.4, yaw=np.pi / 4, seed=5)
+    pair = render(Room((block,), texels_per_metre=400.0), rig=LOW_RIG, tilt=0.0, noise=1.0, samples=2)
+    size = 305 * 0.3 / distance
+    box = Box(175.5 - size / 2, 47.5 - size / 2, size, size)
+    found = range_box(pair.left, pair.right, box, LOW_RIG, MOUNT, 0.0, 0.0)
+    true = float(pair.depth[47, 173:179].min())
+    assert true == pytest.approx(distance, abs=0.01)
+    assert found is not None
+    assert found.distance == pytest.approx(true, rel=0.012)
+
+
 def test_doubt_grows_in_the_dark() -> None:
     bright, dark = measured(2.0, 1.0), measured(3.0, 0.3)
     assert np.median(dark[:, 2] / dark[:, 0]) > 1.3 * np.median(bright[:, 2] / bright[:, 0])
