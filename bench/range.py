@@ -56,11 +56,19 @@ def main() -> int:
         case = f"{low:g}-{high:g} m"
         relative = float(np.median(error / band[:, 0])) if len(band) else float("nan")
         one, two = (float(np.mean(error <= k * band[:, 2])) if len(band) else float("nan") for k in (1, 2))
-        rows.append({
-            "case": case, "method": "range_box", "samples": len(band), "median_error": relative,
-            "bias": float(np.median((band[:, 1] - band[:, 0]) / band[:, 0])) if len(band) else float("nan"),
-            "within_1_sigma": one, "within_2_sigma": two,
-        })
+        rows.append(
+            {
+                "case": case,
+                "method": "range_box",
+                "samples": len(band),
+                "median_error": relative,
+                "bias": float(np.median((band[:, 1] - band[:, 0]) / band[:, 0]))
+                if len(band)
+                else float("nan"),
+                "within_1_sigma": one,
+                "within_2_sigma": two,
+            }
+        )
         bars += [
             Bar(f"samples {case}", len(band), 50, at_most=False),
             Bar(f"median relative error {case}", relative, 0.03),

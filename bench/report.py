@@ -14,6 +14,8 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from robot import __version__
+
 
 @dataclass(frozen=True, slots=True)
 class Bar:
@@ -59,8 +61,9 @@ def publish(name: str, rows: Sequence[dict[str, Any]], bars: Sequence[Bar], as_j
 
 def versions() -> dict[str, str]:
     """What was measured with."""
-    packages = ("robot", "numpy", "opencv-python-headless", "mujoco")
-    return {"python": platform.python_version(), "machine": platform.machine()} | {p: version(p) for p in packages}
+    packages = ("numpy", "opencv-python-headless", "mujoco")
+    own = {"robot": __version__, "python": platform.python_version(), "machine": platform.machine()}
+    return own | {package: version(package) for package in packages}
 
 
 def _print_tables(name: str, rows: Sequence[dict[str, Any]], bars: Sequence[Bar]) -> None:

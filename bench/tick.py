@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from bench.report import Bar, arguments, publish
-from robot.clock import SteppedClock
 from robot.run_sim import SimOptions, SimRun
 from robot.sim.scene import load_scene
 from robot.taught import target_for
@@ -68,7 +67,10 @@ def measure(scene_name: str, seed: int) -> dict[str, Any]:
     finally:
         simulated.close()
     return {
-        "ticks": ticks, "track_ages": track_ages, "floor_ages": floor_ages, "duration": duration,
+        "ticks": ticks,
+        "track_ages": track_ages,
+        "floor_ages": floor_ages,
+        "duration": duration,
         "shares": {stage: sum(times) / duration for stage, times in seconds.items()},
         "medians": {stage: float(np.median(times)) for stage, times in seconds.items()},
     }
@@ -78,9 +80,7 @@ def slowed(scene_name: str, seed: int) -> tuple[bool, bool]:
     """Run with every stage three times slower: whether the run said so, and whether it collided."""
     scene = load_scene(scene_name)
     target = target_for(scene.taught_object)
-    simulated = SimRun(
-        scene, seed, target.recognizer, options=SimOptions(slow=3.0), height_m=target.height_m
-    )
+    simulated = SimRun(scene, seed, target.recognizer, options=SimOptions(slow=3.0), height_m=target.height_m)
     said = False
     try:
         while not simulated.done:
@@ -103,17 +103,35 @@ def main() -> int:
     shares = {stage: sum(r["shares"][stage] * r["duration"] for r in runs) / duration for stage in stages}
     said, collisions = slowed("demo", seed=1)
     rows: list[dict[str, Any]] = [
-        {"case": "control tick without vision", "method": "loop", "median_ms": float(np.median(tick)),
-         "p99_ms": float(np.percentile(tick, 99))},
-        {"case": "age of track at decision", "method": "track", "median_ms": float(np.median(track)),
-         "p99_ms": float(np.percentile(track, 99))},
-        {"case": "age of free space in TRACK", "method": "free_space", "median_ms": float(np.median(floor)),
-         "p99_ms": float(np.percentile(floor, 99))},
+        {
+            "case": "control tick without vision",
+            "method": "loop",
+            "median_ms": float(np.median(tick)),
+            "p99_ms": float(np.percentile(tick, 99)),
+        },
+        {
+            "case": "age of track at decision",
+            "method": "track",
+            "median_ms": float(np.median(track)),
+            "p99_ms": float(np.percentile(track, 99)),
+        },
+        {
+            "case": "age of free space in TRACK",
+            "method": "free_space",
+            "median_ms": float(np.median(floor)),
+            "p99_ms": float(np.percentile(floor, 99)),
+        },
     ]
     for stage in stages:
         medians = [run["medians"][stage] for run in runs if stage in run["medians"]]
-        rows.append({"case": "vision stage", "method": stage, "share_of_core": shares[stage],
-                     "median_ms": 1e3 * float(np.median(medians)) if medians else 0.0})
+        rows.append(
+            {
+                "case": "vision stage",
+                "method": stage,
+                "share_of_core": shares[stage],
+                "median_ms": 1e3 * float(np.median(medians)) if medians else 0.0,
+            }
+        )
     bars = [
         Bar("control tick p99, ms", rows[0]["p99_ms"], 10.0),
         Bar("age of track at decision p99, ms", rows[1]["p99_ms"], 80.0),

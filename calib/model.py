@@ -56,8 +56,15 @@ class StereoRig:
 
     @classmethod
     def parallel(
-        cls, width: int, height: int, f: float, baseline: float, *,
-        cx: float | None = None, cy: float | None = None, doffs: float = 0.0,
+        cls,
+        width: int,
+        height: int,
+        f: float,
+        baseline: float,
+        *,
+        cx: float | None = None,
+        cy: float | None = None,
+        doffs: float = 0.0,
     ) -> StereoRig:
         """An ideal parallel pair. doffs = cx_right - cx_left in pixels; the centre is the default cx, cy."""
         cx = (width - 1) / 2 if cx is None else cx
@@ -82,14 +89,17 @@ class StereoRig:
         return self.right.cx - self.left.cx
 
     def is_parallel(self, tolerance: float = 1e-6) -> bool:
-        """True if the pair needs no rectification: no rotation, sideways shift only, no distortion, equal f."""
+        """True if the pair needs no rectification: no rotation, shifted sideways only, no distortion, one f."""
         a, b = self.left, self.right
         return (
             bool(np.allclose(self.R, np.eye(3), atol=tolerance))
             and abs(self.translation[1]) < tolerance
             and abs(self.translation[2]) < tolerance
-            and not any(a.distortion) and not any(b.distortion)
-            and abs(a.fx - b.fx) < 1e-9 and abs(a.fy - b.fy) < 1e-9 and abs(a.cy - b.cy) < 1e-9
+            and not any(a.distortion)
+            and not any(b.distortion)
+            and abs(a.fx - b.fx) < 1e-9
+            and abs(a.fy - b.fy) < 1e-9
+            and abs(a.cy - b.cy) < 1e-9
         )
 
     def depth(self, disparity: NDArray[np.float64] | float) -> NDArray[np.float64]:
@@ -125,5 +135,9 @@ class HeadMount:
         forward = np.array([cp * ct, sp * ct, -st])
         right = np.array([sp, -cp, 0.0])
         down = np.cross(forward, right)
-        position = np.array([self.forward, 0.0, self.height]) + self.eye_forward * forward - 0.5 * self.baseline * right
+        position = (
+            np.array([self.forward, 0.0, self.height])
+            + self.eye_forward * forward
+            - 0.5 * self.baseline * right
+        )
         return np.column_stack([right, down, forward]), position

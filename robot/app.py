@@ -12,9 +12,11 @@ from robot.body.wheels import WheelsBody, WheelsSettings
 from robot.chart import RobotChart
 from robot.clock import Clock
 from robot.config import Config
+from robot.fault_watch import FaultSource
 from robot.guard import GuardLimits
+from robot.looker import Recognizes
 from robot.loop import Devices, Loop, LoopSettings
-from robot.messages import Fault, Pose2, Tick
+from robot.messages import Pose2, Tick
 from robot.nav.grid import MapSettings, ObstacleMap
 from robot.perception import STAGES, Perception
 from robot.states.avoid import Avoid
@@ -26,9 +28,7 @@ from robot.states.recognize import Recognize
 from robot.states.search import Search
 from robot.states.teleop import Teleop
 from robot.states.track import Track
-from robot.looker import Recognizes
 from robot.workers import SteppedWorker, Worker
-
 
 PLANNED_BESIDE = 0.03  # metres a planned way keeps beside the body: a little more than the guard insists on
 HANDS_WIDTH = 0.2  # metres about the robot that must be free where it is put down; its eyes cannot see there
@@ -113,19 +113,24 @@ def wheels_settings(config: Config) -> WheelsSettings:
 def build_perception(
     config: Config, rig: StereoRig, recognizer: Recognizes, worker: Worker, height_m: float | None = None
 ) -> Perception:
-    """Vision with its map; the floor the robot was put on counts as free. height_m: the target's, if known."""
+    """Vision with its map; the floor the robot was put on counts as free. height_m: the target's, or None."""
     obstacle_map = ObstacleMap(MapSettings(body_radius=config.base.radius_m))
     obstacle_map.start_disc(Pose2(), config.base.radius_m + HANDS_WIDTH)
     return Perception(config, rig, head_mount(config), recognizer, worker, obstacle_map, height_m)
 
 
 def build_loop(
-    config: Config, devices: Devices, perception: Perception, clock: Clock,
+    config: Config,
+    devices: Devices,
+    perception: Perception,
+    clock: Clock,
     observers: Sequence[Callable[[Tick], None]] = (),
-    watched: Sequence[Callable[[float], tuple[Fault, ...]]] = (),
+    watched: Sequence[FaultSource] = (),
 ) -> Loop:
     """Everything joined, ready to tick."""
     cv2.setNumThreads(1)
     body = WheelsBody(wheels_settings(config))
     states = build_states(config, perception.map)
-    return Loop(clock, devices, perception, RobotChart(), states, body, loop_settings(config), observers, watched)
+    return Loop(
+        clock, devices, perception, RobotChart(), states, body, loop_settings(config), observers, watched
+    )

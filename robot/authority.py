@@ -19,7 +19,13 @@ class Verdict:
 
 
 def decide(
-    word: TeleopInput | None, handled_at: float, state: str, now: float, timeout: float, max_v: float, max_w: float
+    word: TeleopInput | None,
+    handled_at: float,
+    state: str,
+    now: float,
+    timeout: float,
+    max_v: float,
+    max_w: float,
 ) -> Verdict:
     """Judge the newest word in this state.
 

@@ -66,4 +66,6 @@ class RobotChart(StateChart[None]):
 def mermaid() -> str:
     """The chart as a mermaid state diagram."""
     lines = format(RobotChart(), "mermaid").splitlines()
-    return "\n".join(line for line in lines if ":::active" not in line and "classDef" not in line).strip() + "\n"
+    return (
+        "\n".join(line for line in lines if ":::active" not in line and "classDef" not in line).strip() + "\n"
+    )

@@ -13,6 +13,7 @@ from msgspec import Meta, Struct, field
 
 from robot import settings_file
 
+
 def _doc(words: str, **bounds: Any) -> Meta:
     return Meta(description=words, **bounds)
 
@@ -22,7 +23,9 @@ class Cameras(Struct, frozen=True, forbid_unknown_fields=True):
 
     driver: Annotated[str, _doc("what delivers the pictures", pattern="^(mock|folder)$")] = "mock"
     left: Annotated[str, _doc("folder of the left eye's pictures")] = ""
-    right: Annotated[str, _doc("folder of the right eye's pictures; empty: left_* and right_* in one folder")] = ""
+    right: Annotated[
+        str, _doc("folder of the right eye's pictures; empty: left_* and right_* in one folder")
+    ] = ""
     calibration: Annotated[str, _doc("calibration file of the pair; empty: the nominal figures below")] = ""
     width_px: Annotated[int, _doc("picture width", ge=64, le=4096)] = 352
     height_px: Annotated[int, _doc("picture height", ge=48, le=4096)] = 288
@@ -62,9 +65,16 @@ class Base(Struct, frozen=True, forbid_unknown_fields=True):
     right_motor: Annotated[str, _doc("brick port of the right wheel", pattern="^[ABC]$")] = "C"
     motors_reversed: Annotated[bool, _doc("true if the motors are mounted to run backwards")] = False
     wheel_radius_m: Annotated[float, _doc("radius of the driven wheels", ge=0.005, le=0.5)] = 0.028
-    track_width_m: Annotated[float, _doc("distance between the wheels' contact points", ge=0.02, le=2.0)] = 0.15
-    radius_m: Annotated[float, _doc("radius of the smallest circle about the axle's middle that holds the body", ge=0.02, le=2.0)] = 0.13
-    body_height_m: Annotated[float, _doc("what is higher than this can be passed under", ge=0.02, le=3.0)] = 0.32
+    track_width_m: Annotated[float, _doc("distance between the wheels' contact points", ge=0.02, le=2.0)] = (
+        0.15
+    )
+    radius_m: Annotated[
+        float,
+        _doc("radius of the smallest circle about the axle's middle that holds the body", ge=0.02, le=2.0),
+    ] = 0.13
+    body_height_m: Annotated[float, _doc("what is higher than this can be passed under", ge=0.02, le=3.0)] = (
+        0.32
+    )
     max_speed_m_s: Annotated[float, _doc("top forward speed", ge=0.0, le=2.0)] = 0.25
     max_turn_deg_s: Annotated[float, _doc("top turning rate", ge=0.0, le=360.0)] = 70.0
     max_acceleration_m_s2: Annotated[float, _doc("acceleration and braking", ge=0.05, le=10.0)] = 0.6
@@ -93,7 +103,9 @@ class Safety(Struct, frozen=True, forbid_unknown_fields=True):
     command_life_s: Annotated[float, _doc("a command expires after this", ge=0.05, le=0.5)] = 0.2
     free_space_max_age_s: Annotated[float, _doc("older free space: no translation", ge=0.05, le=0.3)] = 0.3
     frame_max_age_s: Annotated[float, _doc("older frames are a fault", ge=0.05, le=2.0)] = 0.5
-    step_height_m: Annotated[float, _doc("what stands up (or falls away) more is an obstacle", ge=0.005, le=0.2)] = 0.03
+    step_height_m: Annotated[
+        float, _doc("what stands up (or falls away) more is an obstacle", ge=0.005, le=0.2)
+    ] = 0.03
 
 
 class Stage(Struct, frozen=True, forbid_unknown_fields=True):
@@ -107,14 +119,26 @@ class Vision(Struct, frozen=True, forbid_unknown_fields=True):
     """The vision stages and what they look for."""
 
     model: Annotated[str, _doc("file of the taught target (`robot teach`); empty: none")] = ""
-    disparities: Annotated[int, _doc("searched disparities, a multiple of 16", ge=16, le=512, multiple_of=16)] = 64
+    disparities: Annotated[
+        int, _doc("searched disparities, a multiple of 16", ge=16, le=512, multiple_of=16)
+    ] = 64
     confirm_frames: Annotated[int, _doc("agreeing frames before a candidate is the target", ge=1, le=20)] = 3
     max_load: Annotated[float, _doc("share of one core vision may use", ge=0.1, le=1.0)] = 0.9
-    health: Annotated[Stage, _doc("picture checks")] = field(default_factory=lambda: Stage(rate_hz=12.5, cost_s=0.002))
-    track: Annotated[Stage, _doc("following the target and its range")] = field(default_factory=lambda: Stage(rate_hz=25.0, cost_s=0.008))
-    free_space: Annotated[Stage, _doc("dense stereo and free floor")] = field(default_factory=lambda: Stage(rate_hz=8.4, cost_s=0.028))
-    ground: Annotated[Stage, _doc("obstacle points by the ground plane")] = field(default_factory=lambda: Stage(rate_hz=4.2, cost_s=0.012))
-    recognize: Annotated[Stage, _doc("looking for the target in the whole picture")] = field(default_factory=lambda: Stage(rate_hz=5.0, cost_s=0.06))
+    health: Annotated[Stage, _doc("picture checks")] = field(
+        default_factory=lambda: Stage(rate_hz=12.5, cost_s=0.002)
+    )
+    track: Annotated[Stage, _doc("following the target and its range")] = field(
+        default_factory=lambda: Stage(rate_hz=25.0, cost_s=0.008)
+    )
+    free_space: Annotated[Stage, _doc("dense stereo and free floor")] = field(
+        default_factory=lambda: Stage(rate_hz=8.4, cost_s=0.028)
+    )
+    ground: Annotated[Stage, _doc("obstacle points by the ground plane")] = field(
+        default_factory=lambda: Stage(rate_hz=4.2, cost_s=0.012)
+    )
+    recognize: Annotated[Stage, _doc("looking for the target in the whole picture")] = field(
+        default_factory=lambda: Stage(rate_hz=5.0, cost_s=0.06)
+    )
 
 
 class Mission(Struct, frozen=True, forbid_unknown_fields=True):

@@ -30,7 +30,8 @@ def governed_rates(stages: Mapping[str, StagePlan], max_load: float) -> dict[str
     lowest = sum(plan.lowest_hz * plan.cost for plan in stages.values())
     share = max(0.0, (max_load - lowest) / (wanted - lowest)) if wanted > lowest else 0.0
     return {
-        name: plan.lowest_hz if plan.lowest_hz == plan.wanted_hz
+        name: plan.lowest_hz
+        if plan.lowest_hz == plan.wanted_hz
         else round(plan.lowest_hz + share * (plan.wanted_hz - plan.lowest_hz), 6)
         for name, plan in stages.items()
     }

@@ -5,7 +5,9 @@ from __future__ import annotations
 from robot.messages import Lamp
 
 
-def lamp_level(wanted: Lamp, brightness: float | None, level: float, on_below: float, off_above: float) -> float:
+def lamp_level(
+    wanted: Lamp, brightness: float | None, level: float, on_below: float, off_above: float
+) -> float:
     """The lamp's next level 0..1 from its present one and the mean picture brightness (0..255).
 
     Between `on_below` and `off_above` it stays as it is, so that its own light does not make it flicker.

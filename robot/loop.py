@@ -12,6 +12,7 @@ from typing import Protocol
 
 from robot import authority, faults
 from robot.clock import Clock
+from robot.fault_watch import FaultSource, FaultWatch
 from robot.guard import GuardInput, GuardLimits, guard
 from robot.hal.interfaces import DriveBase, LampDevice, PanTilt, StereoCamera, TeleopLink
 from robot.lamp_control import lamp_level
@@ -131,10 +132,16 @@ class Loop:
     """
 
     def __init__(
-        self, clock: Clock, devices: Devices, perception: PerceptionLike, chart: ChartLike,
-        states: Mapping[str, StateLike], body: BodyLike, settings: LoopSettings,
+        self,
+        clock: Clock,
+        devices: Devices,
+        perception: PerceptionLike,
+        chart: ChartLike,
+        states: Mapping[str, StateLike],
+        body: BodyLike,
+        settings: LoopSettings,
         observers: Sequence[Callable[[Tick], None]] = (),
-        watched: Sequence[Callable[[float], tuple[Fault, ...]]] = (),
+        watched: Sequence[FaultSource] = (),
     ) -> None:
         self._clock = clock
         self._devices = devices
@@ -144,19 +151,17 @@ class Loop:
         self._body = body
         self._settings = settings
         self._observers = list(observers)
-        self._watched = tuple(watched)
         self._seq = -1
-        self._started = clock.now()
+        held = (devices.camera, devices.head, devices.lamp, devices.base, devices.teleop)
+        sources = [device.faults for device in held if device is not None]
+        self._watch = FaultWatch([*sources, perception.faults, *watched], settings.frame_max_age, clock.now())
         self._acted_at = clock.now()
         self._sent = Sent(Twist(), None, 0.0)
         self._intent = Intent()
         self._blocked_by_unknown = False
         self._handled_word_at = -1.0
         self._stopped = False
-        self._error: Fault | None = None
-        self._since: dict[str, float] = {}
         self._entered = False
-        self._watch_faults: list[Fault] = []
 
     # ------------------------------------------------------------------------------------- one tick
 
@@ -169,10 +174,12 @@ class Loop:
         situation = Situation(now, percepts, odometry, head)
         word = self._devices.teleop.latest(now) if self._devices.teleop else None
         verdict = self._judge_word(word, now)
-        active = self._gather_faults(now, percepts, verdict.silent)
+        active = self._watch.gather(now, percepts, verdict.silent)
         transitions = self._decide(situation, active, verdict)
         sent = self._act(situation, percepts, active, verdict)
-        tick = Tick(now, self._chart.leaf, view, percepts, odometry, head, self._intent, sent, active, transitions)
+        tick = Tick(
+            now, self._chart.leaf, view, percepts, odometry, head, self._intent, sent, active, transitions
+        )
         self._publish(tick)
         return tick
 
@@ -188,7 +195,7 @@ class Loop:
             except Exception as error:
                 self._observers.remove(observe)
                 words = f"{type(error).__name__}: {error}"
-                self._watch_faults.append(Fault("recorder", "error", tick.now, words))
+                self._watch.remember(Fault("recorder", "error", tick.now, words))
 
     # ------------------------------------------------------------------------------------------ see
 
@@ -201,45 +208,6 @@ class Loop:
             self._perception.submit(view, self._intent.wants, now)
         return view, self._perception.collect(now)
 
-    # --------------------------------------------------------------------------------------- faults
-
-    def _gather_faults(self, now: float, percepts: Percepts, silent: bool) -> tuple[Fault, ...]:
-        devices = self._devices
-        found: list[Fault] = []
-        for device in (devices.camera, devices.head, devices.lamp, devices.base, devices.teleop):
-            if device is not None:
-                found.extend(device.faults(now))
-        found.extend(self._perception.faults(now))
-        found.extend(self._watch_faults)
-        for watch in self._watched:
-            found.extend(watch(now))
-        found.extend(self._picture_faults(now, percepts))
-        if silent:
-            found.append(Fault("teleop", "silent", self._since_first("teleop.silent", now)))
-        else:
-            self._since.pop("teleop.silent", None)
-        if self._error is not None:
-            found.append(self._error)
-        return tuple(found)
-
-    def _picture_faults(self, now: float, percepts: Percepts) -> list[Fault]:
-        health = percepts.health
-        kind = None
-        if health is None:
-            kind = "missing" if now - self._started > self._settings.frame_max_age else None
-        elif health.age(now) > self._settings.frame_max_age:
-            kind = "stale"
-        else:
-            kind = health.value.fault
-        for key in [key for key in self._since if key.startswith("camera.") and key != f"camera.{kind}"]:
-            del self._since[key]
-        if kind is None:
-            return []
-        return [Fault("camera", kind, self._since_first(f"camera.{kind}", now))]
-
-    def _since_first(self, key: str, now: float) -> float:
-        return self._since.setdefault(key, now)
-
     # --------------------------------------------------------------------------------------- decide
 
     def _judge_word(self, word: TeleopInput | None, now: float) -> authority.Verdict:
@@ -247,8 +215,13 @@ class Loop:
             return authority.Verdict()
         settings = self._settings
         verdict = authority.decide(
-            word, self._handled_word_at, self._chart.leaf, now, settings.teleop_timeout,
-            settings.teleop_max_v, settings.teleop_max_w,
+            word,
+            self._handled_word_at,
+            self._chart.leaf,
+            now,
+            settings.teleop_timeout,
+            settings.teleop_max_v,
+            settings.teleop_max_w,
         )
         if word is not None:
             self._handled_word_at = max(self._handled_word_at, word.at)
@@ -285,14 +258,16 @@ class Loop:
         try:
             return [self._go(event, situation)]
         except Exception as error:
-            self._error = Fault("loop", "error", situation.now, f"{self._chart.leaf}: {event.name}: {error}")
+            words = f"{self._chart.leaf}: {event.name}: {error}"
+            self._watch.remember(Fault("loop", "error", situation.now, words))
             return []
 
     def _step(self, leaf: str, situation: Situation) -> tuple[Intent, Event | None]:
         try:
             return self._states[leaf].step(situation)
         except Exception as error:  # a state's mistake must stop the wheels, not end the process
-            self._error = Fault("loop", "error", situation.now, f"{leaf}: {type(error).__name__}: {error}")
+            words = f"{leaf}: {type(error).__name__}: {error}"
+            self._watch.remember(Fault("loop", "error", situation.now, words))
             return Intent(), None
 
     def _go(self, event: Event, situation: Situation) -> Transition:

@@ -72,8 +72,14 @@ class Perception:
     """Owns matcher, recogniser, tracker and map; turns views into percepts."""
 
     def __init__(
-        self, config: Config, rig: StereoRig, mount: HeadMount, recognizer: Recognizes, worker: Worker,
-        obstacle_map: ObstacleMap, height_m: float | None = None,
+        self,
+        config: Config,
+        rig: StereoRig,
+        mount: HeadMount,
+        recognizer: Recognizes,
+        worker: Worker,
+        obstacle_map: ObstacleMap,
+        height_m: float | None = None,
     ) -> None:
         self._config = config
         self._rig = rig
@@ -81,7 +87,9 @@ class Perception:
         self._recognizer = recognizer
         self._worker = worker
         self.map = obstacle_map
-        self._matcher = FloorAlignedMatcher(SemiGlobalMatcher(disparities=config.vision.disparities), rig, mount)
+        self._matcher = FloorAlignedMatcher(
+            SemiGlobalMatcher(disparities=config.vision.disparities), rig, mount
+        )
         ranger = TargetRanger(rig, mount, height_m)
         self._looker = Looker(rig, recognizer, ranger)
         self._follower = TargetFollower(rig, recognizer, ranger)
@@ -140,7 +148,9 @@ class Perception:
         """The rates in force for these wants."""
         active = self._active(wants)
         plans = {
-            name: StagePlan(self._wanted_hz[name], self._wanted_hz[name] * LOWEST_SHARE.get(name, 1.0), self._costs[name])
+            name: StagePlan(
+                self._wanted_hz[name], self._wanted_hz[name] * LOWEST_SHARE.get(name, 1.0), self._costs[name]
+            )
             for name in active
         }
         rates = governed_rates(plans, self._config.vision.max_load)
@@ -170,7 +180,9 @@ class Perception:
         """The most overdue stages first, as many as fit into one tick (the first always does)."""
         rates = self.budget(frozenset(Want(name) for name in active if name not in ALWAYS)).rates_hz
         lateness = {name: (now - self._last_start.get(name, -10.0)) * rates[name] for name in active}
-        due = sorted((name for name in active if lateness[name] > 0.9), key=lambda name: -round(lateness[name], 3))
+        due = sorted(
+            (name for name in active if lateness[name] > 0.9), key=lambda name: -round(lateness[name], 3)
+        )
         chosen: list[str] = []
         spent = 0.0
         for name in due:
@@ -267,11 +279,15 @@ class Perception:
         """The cheap checks every picture must pass before any stage sees it."""
         previous = self._previous.frame if self._previous is not None else None
         fault = health.picture_fault(view.frame, previous)
+        if view.frame.left.shape[:2] != (self._rig.left.height, self._rig.left.width):
+            fault = "size"
         self._previous = view
         if fault is None and self._swapped:
             fault = "swapped"
         brightness = health.brightness(view.frame.left)
-        self._percepts = replace(self._percepts, health=Timed(Health(brightness, fault), view.frame.captured_at))
+        self._percepts = replace(
+            self._percepts, health=Timed(Health(brightness, fault), view.frame.captured_at)
+        )
         return fault
 
 

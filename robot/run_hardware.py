@@ -15,12 +15,14 @@ from typing import Protocol
 from rich.console import Console
 
 from calib.model import StereoRig
+from calib.rectify import rectifier
 from robot import __version__, faults, model_file
 from robot.app import build_loop, build_perception, nominal_rig
 from robot.clock import MonotonicClock
 from robot.config import Config, load
 from robot.errors import UserError
 from robot.hal.factory import open_hardware
+from robot.hal.rectified import RectifiedCamera
 from robot.loop import Devices
 from robot.messages import Fault, Tick
 from robot.record.recorder import Recorder, tick_ms
@@ -57,17 +59,20 @@ def run_until(stop: threading.Event, config_path: Path, root: Path, duration: fl
     console = Console(stderr=True)
     config = load(config_path)
     target = model_file.load(model_path(config, config_path))
-    rig = rig_of(config)
+    straight = rectifier(rig_of(config))
     with ExitStack() as closing:  # last opened, first closed: the wheels stand before anything else goes
         hardware = open_hardware(config)
         closing.callback(hardware.close)
         folder = RunFolder.create(root, datetime.now())
         closing.callback(folder.close)
         clock = MonotonicClock()
-        perception = build_perception(config, rig, target.recognizer, ThreadWorker(clock), target.height_m)
+        perception = build_perception(
+            config, straight.rig, target.recognizer, ThreadWorker(clock), target.height_m
+        )
         closing.callback(perception.close)
         announce = Announcer(console)
-        devices = Devices(hardware.camera, hardware.head, hardware.lamp, hardware.base, hardware.teleop)
+        camera = RectifiedCamera(hardware.camera, straight)
+        devices = Devices(camera, hardware.head, hardware.lamp, hardware.base, hardware.teleop)
         observers: list[Callable[[Tick], None]] = [Recorder(folder.open_events()), announce]
         loop = build_loop(config, devices, perception, clock, observers, [folder.recording.faults])
         closing.callback(loop.close)

@@ -15,13 +15,13 @@ from robot.hal.links import MemoryLink
 from robot.hal.nxt.base import NxtBase
 from robot.hal.nxt.brick import Brick
 from robot.hal.nxt.settings import USB
+from robot.looker import Recognizes
 from robot.loop import Devices, Loop
 from robot.messages import Box, Tick
 from robot.perception import Perception
 from robot.sim.referee import Claim, Referee
-from robot.sim.world import InjectedFault, World
 from robot.sim.scene import Scene
-from robot.looker import Recognizes
+from robot.sim.world import InjectedFault, World
 from robot.workers import Worker
 
 CLAIMING = ("range", "track", "avoid")
@@ -63,7 +63,12 @@ class Claims:
             if target is not None and target.at == track.at:
                 distance = target.value.distance
         return Claim(
-            now=tick.now, state=tick.state, found=box is not None, box=box, range_m=distance, frame_seq=seq,
+            now=tick.now,
+            state=tick.state,
+            found=box is not None,
+            box=box,
+            range_m=distance,
+            frame_seq=seq,
             gave_up=self._gave_up,
         )
 
@@ -72,9 +77,15 @@ class SimRun:
     """World, robot and referee joined; `step` until `done`."""
 
     def __init__(
-        self, scene: Scene, seed: int, recognizer: Recognizes, config: Config | None = None,
-        options: SimOptions | None = None, observers: Sequence[Callable[[Tick], None]] = (),
-        worker: Worker | None = None, height_m: float | None = None,
+        self,
+        scene: Scene,
+        seed: int,
+        recognizer: Recognizes,
+        config: Config | None = None,
+        options: SimOptions | None = None,
+        observers: Sequence[Callable[[Tick], None]] = (),
+        worker: Worker | None = None,
+        height_m: float | None = None,
     ) -> None:
         options = options or SimOptions()
         self.config = armed(config or Config(), scene, seed)
@@ -82,7 +93,11 @@ class SimRun:
         self.referee = Referee(self.world)
         self.clock = SteppedClock()
         self.perception: Perception = build_perception(
-            self.config, nominal_rig(self.config), recognizer, worker or stepped_worker(self.config, options.slow), height_m
+            self.config,
+            nominal_rig(self.config),
+            recognizer,
+            worker or stepped_worker(self.config, options.slow),
+            height_m,
         )
         self._claims = Claims()
         self.devices = open_simulated(self.world, self.config)
@@ -121,5 +136,7 @@ def open_simulated(world: World, config: Config) -> Devices:
 
 def armed(config: Config, scene: Scene, seed: int) -> Config:
     """The config for a simulated mission: autonomy from the start, the scene's stand-off."""
-    mission = msgspec.structs.replace(config.mission, armed_at_start=True, seed=seed, stand_off_m=scene.stand_off_m)
+    mission = msgspec.structs.replace(
+        config.mission, armed_at_start=True, seed=seed, stand_off_m=scene.stand_off_m
+    )
     return msgspec.structs.replace(config, mission=mission)

@@ -25,7 +25,9 @@ def read(path: Path, kind: type[S]) -> S:
     try:
         text = path.read_text(encoding="utf-8")
     except FileNotFoundError:
-        raise UserError(f"{path}: no such file; `robot config show > {path}` writes one to start from") from None
+        raise UserError(
+            f"{path}: no such file; `robot config show > {path}` writes one to start from"
+        ) from None
     except (OSError, UnicodeDecodeError) as error:
         raise UserError(f"{path}: cannot be read ({error}); give a readable UTF-8 text file") from None
     return parse(text, kind, source=str(path))

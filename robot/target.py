@@ -26,9 +26,7 @@ class TargetSight:
 class TargetFollower:
     """Follows the target from a first detection on; the recogniser looks at the box now and then."""
 
-    def __init__(
-        self, rig: StereoRig, recognizer: Recognizes, ranger: TargetRanger
-    ) -> None:
+    def __init__(self, rig: StereoRig, recognizer: Recognizes, ranger: TargetRanger) -> None:
         self._rig = rig
         self._recognizer = recognizer
         self._ranger = ranger

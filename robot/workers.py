@@ -1,4 +1,4 @@
-"""Where vision jobs run: in a thread of their own (real time), or inline with simulated latency (lockstep)."""
+"""Where vision jobs run: in a thread of their own (real time), or inline with simulated latency."""
 
 from __future__ import annotations
 

@@ -68,8 +68,11 @@ def test_autonomy_can_be_ended_from_every_state(state):
 def test_the_whole_cycle():
     chart = chart_in("track")
     for event, state in [
-        ("way_blocked", "avoid"), ("way_free", "track"), ("target_lost", "search"),
-        ("candidate_seen", "recognize"), ("candidate_rejected", "search"),
+        ("way_blocked", "avoid"),
+        ("way_free", "track"),
+        ("target_lost", "search"),
+        ("candidate_seen", "recognize"),
+        ("candidate_rejected", "search"),
     ]:
         chart.send(event)
         assert chart.leaf == state

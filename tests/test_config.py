@@ -37,8 +37,8 @@ def test_a_setting_is_taken(tmp_path):
     [
         ("[base]\nmax_speed_m_s = 9.0", ["base.max_speed_m_s = 9.0", "from 0 to 2"]),
         ("[base]\nmax_sped_m_s = 1.0", ["base.max_sped_m_s", "did you mean 'max_speed_m_s'"]),
-        ("[base]\ndriver = 'hovercraft'", ["base.driver = \"hovercraft\"", "nxt-usb"]),
-        ("[base]\nmax_speed_m_s = 'fast'", ["base.max_speed_m_s = \"fast\"", "number from 0 to 2"]),
+        ("[base]\ndriver = 'hovercraft'", ['base.driver = "hovercraft"', "nxt-usb"]),
+        ("[base]\nmax_speed_m_s = 'fast'", ['base.max_speed_m_s = "fast"', "number from 0 to 2"]),
         ("[vision]\ndisparities = 17", ["vision.disparities = 17", "multiple of 16"]),
         ("[vision.track]\nrate_hz = 0.0\ncost_s = 0.1", ["vision.track.rate_hz = 0.0", "from 0.1 to 100"]),
         ("[wings]\nspan_m = 1.0", ["wings: unknown key", "base"]),

@@ -8,7 +8,9 @@ from robot.governor import StagePlan, governed_rates
 
 PLAN = st.builds(
     lambda wanted, share, cost: StagePlan(wanted, wanted * share, cost),
-    st.floats(0.5, 30), st.sampled_from([0.2, 0.5, 1.0]), st.floats(0.0, 0.2),
+    st.floats(0.5, 30),
+    st.sampled_from([0.2, 0.5, 1.0]),
+    st.floats(0.0, 0.2),
 )
 
 

@@ -90,7 +90,7 @@ class StraightBody:
 class Bench:
     """A robot of mocks, steppable."""
 
-    def __init__(self, *words):
+    def __init__(self, *words, watched=()):
         picture = np.full((8, 8, 3), 90, np.uint8)
         self.clock = SteppedClock()
         self.camera = MockCamera([(picture, picture)])
@@ -101,8 +101,15 @@ class Bench:
         self.chart = RobotChart()
         self.ticks = []
         self.loop = Loop(
-            self.clock, Devices(self.camera, MockHead(), MockLamp(), self.base, self.teleop), self.perception,
-            self.chart, self.states, StraightBody(), LoopSettings(GuardLimits()), [self.ticks.append],
+            self.clock,
+            Devices(self.camera, MockHead(), MockLamp(), self.base, self.teleop),
+            self.perception,
+            self.chart,
+            self.states,
+            StraightBody(),
+            LoopSettings(GuardLimits()),
+            [self.ticks.append],
+            watched,
         )
 
     def run(self, ticks=1):
@@ -139,7 +146,9 @@ def test_every_transition_is_told_with_its_reason_after_the_wheels_were_stopped(
     assert (transition.source, transition.target) == ("search", "recognize")
     assert transition.event.evidence == {"score": 0.9}
     assert bench.states["recognize"].entered == 1
-    assert [call.method for call in bench.base.calls if call.now == tick.now].index("stop") == 1, "right after read"
+    assert [call.method for call in bench.base.calls if call.now == tick.now].index("stop") == 1, (
+        "right after read"
+    )
 
 
 def test_an_obstacle_stops_the_wheels_and_says_so():
@@ -223,7 +232,9 @@ def test_carry_on_faults_do_not_stop_the_mission():
 
 def test_a_person_takes_drives_and_gives_back_by_recognize():
     bench = Bench(
-        TeleopInput(at=0.5, take=True), TeleopInput(at=0.6, v=0.5), TeleopInput(at=0.8, v=0.5),
+        TeleopInput(at=0.5, take=True),
+        TeleopInput(at=0.6, v=0.5),
+        TeleopInput(at=0.8, v=0.5),
         TeleopInput(at=1.0, arm=True),
     ).in_state(*TRACK)
     while bench.clock.now() < 0.55:
@@ -279,7 +290,6 @@ def test_an_observer_that_fails_is_told_no_more_and_the_run_goes_on():
 
 
 def test_what_is_watched_beside_the_devices_is_told_as_a_fault():
-    bench = Bench()
-    bench.loop._watched = (lambda now: (Fault("recorder", "full", now),),)
+    bench = Bench(watched=[lambda now: (Fault("recorder", "full", now),)])
     assert [fault.key for fault in bench.run(2).faults] == ["recorder.full"]
     assert bench.run(2).state == "idle"

@@ -41,6 +41,7 @@ def test_the_thread_works_the_same_jobs():
     worker.close()  # joins: everything submitted is done
     results = worker.collect(0.0)
     assert [(result.stage, result.value, result.error is None) for result in results] == [
-        ("a", 1, True), ("b", None, False),
+        ("a", 1, True),
+        ("b", None, False),
     ]
     assert worker.idle(0.0)

@@ -86,7 +86,7 @@ class DriveBase(Device, Protocol):
 
 @dataclass(frozen=True, slots=True)
 class ArmState:
-    """Joints (radians), flange position (metres) and orientation (radians, Rz Ry Rx) in the arm's base frame."""
+    """Joints (radians), flange position (metres), orientation (radians, Rz Ry Rx); the arm's base frame."""
 
     joints: tuple[float, ...]
     position: tuple[float, float, float]
@@ -109,7 +109,11 @@ class Arm(Device, Protocol):
         ...
 
     def move_linear(
-        self, position: tuple[float, float, float], orientation: tuple[float, float, float], speed: float, now: float
+        self,
+        position: tuple[float, float, float],
+        orientation: tuple[float, float, float],
+        speed: float,
+        now: float,
     ) -> int:
         """Move the flange in a straight line; returns the command's number."""
         ...

@@ -18,7 +18,7 @@ LOOK_AROUND_FOR = 4.0
 
 
 class Avoid:
-    """Plan, drive the plan, look where it goes and at the target in turn; leave when the straight way is free."""
+    """Plan, drive the plan, look where it goes and at the target; leave when the straight way is free."""
 
     def __init__(self, behaviour: Behaviour, obstacle_map: ObstacleMap) -> None:
         self._behaviour = behaviour
@@ -47,7 +47,11 @@ class Avoid:
         self._planned_at = situation.now
         pose = situation.odometry.pose
         path = plan_to_view(
-            self._map, (pose.x, pose.y), place, self._goal_distance(), self._behaviour.body_radius,
+            self._map,
+            (pose.x, pose.y),
+            place,
+            self._goal_distance(),
+            self._behaviour.body_radius,
             self._behaviour.margin,
         )
         self._path = path
@@ -72,11 +76,15 @@ class Avoid:
         return Intent(look=look, motion=Follow(self._path), wants=frozenset(wants))
 
     def _look_around(self, situation: Situation) -> HeadPose:
-        """Without a way: look at the widest passage in sight, and else from side to side, for a way to appear."""
+        """Without a way: look at the widest passage in sight, else from side to side, for a way to appear."""
         free_space = situation.percepts.free_space
         passage = free_space.value.passage if free_space is not None else None
         since = situation.now - (self._pathless_since or situation.now)
-        if passage is not None and passage.diameter > 2 * self._behaviour.body_radius and since < LOOK_AROUND_FOR / 2:
+        if (
+            passage is not None
+            and passage.diameter > 2 * self._behaviour.body_radius
+            and since < LOOK_AROUND_FOR / 2
+        ):
             x, y, _ = passage.position
             return HeadPose(pan_towards(x, y, self._behaviour), self._behaviour.rest_tilt)
         pan = self._behaviour.pan_limit * 0.8 * math.sin(math.tau * since / LOOK_AROUND_FOR)
@@ -90,7 +98,9 @@ class Avoid:
         target = look_at_place(place, pose, self._behaviour).pan
         # The way must stay within the middle of the picture; the rest of the turn is for the target.
         pan = along + max(-0.3, min(0.3, target - along))
-        return HeadPose(max(-self._behaviour.pan_limit, min(self._behaviour.pan_limit, pan)), self._behaviour.rest_tilt)
+        return HeadPose(
+            max(-self._behaviour.pan_limit, min(self._behaviour.pan_limit, pan)), self._behaviour.rest_tilt
+        )
 
     def _leave(self, situation: Situation, place: tuple[float, float]) -> Event | None:
         pose, track = situation.odometry.pose, situation.percepts.track
@@ -104,7 +114,10 @@ class Avoid:
         settled = situation.now - self._since > 1.0
         if free and seen and settled:
             return Event("way_free", "the straight way is free again", evidence)
-        at_end = self._path is not None and math.hypot(self._path[-1][0] - pose.x, self._path[-1][1] - pose.y) < 0.1
+        at_end = (
+            self._path is not None
+            and math.hypot(self._path[-1][0] - pose.x, self._path[-1][1] - pose.y) < 0.1
+        )
         if settled and (at_end or (free and to_go < 0.15)):
             return Event("target_lost", "the detour is driven and the target is not in view", evidence)
         if self._pathless_since is not None and situation.now - self._pathless_since > LOOK_AROUND_FOR:

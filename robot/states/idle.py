@@ -25,5 +25,7 @@ class Idle:
         health = situation.percepts.health
         if self._arm_at_start and health is not None and health.value.fault is None:
             self._arm_at_start = False
-            return intent, Event("armed", "the mission starts by itself", {"brightness": health.value.brightness})
+            return intent, Event(
+                "armed", "the mission starts by itself", {"brightness": health.value.brightness}
+            )
         return intent, None

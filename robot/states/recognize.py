@@ -7,7 +7,9 @@ import math
 from robot.messages import Detection, Event, HeadPose, Intent, Situation, Want, wrap
 from robot.states.behaviour import Behaviour
 
-AGREE = math.radians(6.0)  # a candidate that keeps its place changes its direction less than this between looks
+AGREE = math.radians(
+    6.0
+)  # a candidate that keeps its place changes its direction less than this between looks
 SETTLING = 0.2  # pictures taken while the head still turns do not count
 FRESH = 0.6
 PATIENCE = 2.5  # seconds for all looks together

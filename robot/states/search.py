@@ -7,7 +7,20 @@ from collections import deque
 from dataclasses import dataclass
 from itertools import pairwise
 
-from robot.messages import Detection, Event, Follow, HeadPose, Hold, Intent, Motion, Pose2, Situation, Turn, Want, wrap
+from robot.messages import (
+    Detection,
+    Event,
+    Follow,
+    HeadPose,
+    Hold,
+    Intent,
+    Motion,
+    Pose2,
+    Situation,
+    Turn,
+    Want,
+    wrap,
+)
 from robot.nav.grid import ObstacleMap
 from robot.nav.nextview import next_view
 from robot.nav.planner import plan
@@ -151,7 +164,11 @@ class Search:
         pose, end = situation.odometry.pose, step.motion.path[-1]
         arrived = math.hypot(end[0] - pose.x, end[1] - pose.y) < 0.08
         swing = SWING * math.sin(math.tau * self._waited(situation) / SWING_PERIOD)
-        return HeadPose(swing, self._behaviour.rest_tilt), step.motion, arrived or self._waited(situation) > step.patience
+        return (
+            HeadPose(swing, self._behaviour.rest_tilt),
+            step.motion,
+            arrived or self._waited(situation) > step.patience,
+        )
 
     def _looked(self, step: Look | Glance, situation: Situation) -> bool:
         head = situation.head
@@ -208,5 +225,7 @@ class Search:
         assert self._since is not None
         searched = situation.now - self._since
         self._since = None
-        event = Event("given_up", f"target not found: {why}", {"searched_s": searched, "views": len(self._visited)})
+        event = Event(
+            "given_up", f"target not found: {why}", {"searched_s": searched, "views": len(self._visited)}
+        )
         return Intent(look=self._ahead()), event

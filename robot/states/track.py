@@ -49,7 +49,11 @@ class Track:
 
     def _look_for(self, situation: Situation) -> HeadPose:
         place = situation.percepts.place
-        return self._look if place is None else look_at_place(place.value, situation.odometry.pose, self._behaviour)
+        return (
+            self._look
+            if place is None
+            else look_at_place(place.value, situation.odometry.pose, self._behaviour)
+        )
 
     def _good_target(self, situation: Situation) -> Timed[Range] | None:
         track, target = situation.percepts.track, situation.percepts.target
@@ -58,7 +62,7 @@ class Track:
         return target
 
     def _place_now(self, situation: Situation, target: Timed[Range]) -> tuple[float, float]:
-        """The target in the robot's present frame: what was seen some ticks ago, less what the base moved since."""
+        """The target in the robot's present frame: what was seen, less what the base moved since."""
         place = situation.percepts.place
         if place is None or place.at != target.at:
             return target.value.position[0], target.value.position[1]

@@ -1,4 +1,4 @@
-"""A robot that stands where it was put and knows the target's place at every moment still fails every scene."""
+"""A robot that stands where it was put fails every scene, even if it always knows where the target is."""
 
 import pytest
 

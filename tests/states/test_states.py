@@ -44,7 +44,9 @@ LOST = Track(BOX, (0.0, 0.0), 0.1, lost=True)
 
 def situation(now, *, pose=None, head=None, v=0.0, **percepts):
     pose = pose or Pose2()
-    return Situation(now, Percepts(**percepts), Odometry(pose, Twist(v, 0.0), now), head or HeadPose(0.0, 0.35))
+    return Situation(
+        now, Percepts(**percepts), Odometry(pose, Twist(v, 0.0), now), head or HeadPose(0.0, 0.35)
+    )
 
 
 def target_at(x, y, now, sigma=0.01):
@@ -172,7 +174,9 @@ class TestRecognize:
     def test_sure_after_agreeing_looks(self):
         state = Recognize(BEHAVIOUR)
         state.enter(situation(0.0, **looks(-0.1, 0.5)))
-        events = [state.step(situation(t, **looks(t, 0.5 + 0.01 * k)))[1] for k, t in enumerate((0.3, 0.5, 0.7))]
+        events = [
+            state.step(situation(t, **looks(t, 0.5 + 0.01 * k)))[1] for k, t in enumerate((0.3, 0.5, 0.7))
+        ]
         assert [event and event.name for event in events] == [None, None, "target_confirmed"]
 
     def test_looks_that_disagree_do_not_add_up(self):

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from rendered_pairs import Block, Pair, Room, render
@@ -120,3 +121,11 @@ def test_pictures_that_say_nothing_accuse_nobody() -> None:
     tiny = np.zeros((1, 1, 3), np.uint8)
     for left, right in ((blank, blank), noise, (stripes, np.roll(stripes, 7, axis=1)), (tiny, tiny)):
         assert not health.eyes_swapped(left, right)
+
+
+def test_far_things_a_little_off_the_principal_point_accuse_nobody() -> None:
+    noise = np.random.default_rng(4).integers(0, 256, (288, 400)).astype(np.uint8)
+    scene = cv2.GaussianBlur(noise, (0, 0), 2.5)
+    left, right = scene[:, 20:372], scene[:, 18:370]  # u_l - u_r = -2 px
+    assert not health.eyes_swapped(left, right)
+    assert health.eyes_swapped(left, scene[:, 8:360])

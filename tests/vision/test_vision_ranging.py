@@ -229,3 +229,55 @@ def test_a_patch_keeps_its_middle_when_the_border_shrinks_it() -> None:
     assert patch is not None
     assert (patch.u, patch.half_u, patch.half_v) == (6, 6, 12)
     assert patch.u_true == 6.3
+
+
+def pasted(image: np.ndarray, source: np.ndarray, u_to: int, u_from: int) -> np.ndarray:
+    """The image with source's columns about u_from, 25 px to both sides, put about u_to."""
+    copy = image.copy()
+    copy[:, u_to - 25 : u_to + 26] = source[:, u_from - 25 : u_from + 26]
+    return copy
+
+
+def grey(image: np.ndarray) -> np.ndarray:
+    return image.astype(np.float32)
+
+
+def test_two_places_that_look_alike_are_no_match() -> None:
+    left = cloud(16)
+    right = shifted(left, 10.0)
+    patch = patch_match.patch_at(220.0, 60.0, 12.0, 12.0, 352, 120)
+    assert patch is not None
+    assert patch_match.find(grey(left), grey(right), patch, (-2, 76)) is not None
+    double = pasted(right, left, 160, 220)
+    assert patch_match.find(grey(left), grey(double), patch, (-2, 76)) is None
+
+
+def test_a_match_that_does_not_lead_back_is_none() -> None:
+    left = cloud(17)
+    right = pasted(shifted(left, 10.0), cloud(18), 180, 180)  # what was at 190 is hidden from the right eye
+    noise = np.random.default_rng(0).normal(0, 12, left.shape)
+    alike = np.clip(pasted(left, left, 190, 130) + noise * (np.abs(np.arange(352) - 190) < 26), 0, 255)
+    patch = patch_match.patch_at(190.0, 60.0, 12.0, 12.0, 352, 120)
+    assert patch is not None
+    there = patch_match._best_along_row(grey(alike), grey(right), patch, (-76, 2))
+    assert there is not None
+    assert there[0] == -70, "it looks like the thing 60 px beside it"
+    assert patch_match.find(grey(alike), grey(right), patch, (-2, 76)) is None
+
+
+def test_a_match_at_the_rim_of_the_search_is_none() -> None:
+    left = cloud(19)
+    patch = patch_match.patch_at(220.0, 60.0, 12.0, 12.0, 352, 120)
+    assert patch is not None
+    for disparity, found in ((19.0, True), (20.0, False), (21.0, False)):
+        place = patch_match.find(grey(left), grey(shifted(left, disparity)), patch, (-2, 20))
+        assert (place is not None) is found
+
+
+def test_a_skew_of_rows_does_not_turn_into_disparity_on_slanted_texture() -> None:
+    noise = np.random.default_rng(20).integers(0, 256, (120, 352)).astype(np.uint8)
+    lines = cv2.normalize(cv2.GaussianBlur(noise, (0, 0), 1.5, sigmaY=4.0), None, 20, 235, cv2.NORM_MINMAX)
+    left = np.stack([np.roll(row, v) for v, row in enumerate(lines)])
+    found = range_box(left, shifted(left, 12.0, 0.4), Box(150, 40, 40, 40), RIG, MOUNT, 0.0, 0.0)
+    assert found is not None
+    assert found.disparity_px == pytest.approx(12.0, abs=0.12)

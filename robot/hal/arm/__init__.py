@@ -1,1 +1,1 @@
-"""Robot arm controller over Modbus. The driver follows; `hal.interfaces.Arm` and the mock are here already."""
+"""Robot arm controller over Modbus: the driver's place. `hal.interfaces.Arm` and its mock are there."""
