@@ -89,7 +89,7 @@ class StereoRig:
         return self.right.cx - self.left.cx
 
     def is_parallel(self, tolerance: float = 1e-6) -> bool:
-        """True if the pair needs no rectification: no rotation, shifted sideways only, no distortion, one f."""
+        """True if the pair needs no rectification: shifted sideways only, no distortion, one focal length."""
         a, b = self.left, self.right
         return (
             bool(np.allclose(self.R, np.eye(3), atol=tolerance))

@@ -114,7 +114,9 @@ class Perception:
             self._drop_track()
         if self._check_picture(view) is not None or not self._worker.idle(now):
             return
-        stages = self._due(self._active(wants), now)
+        # With exchanged eyes nothing may be measured; only whether they still are is looked at.
+        active = ["health"] if self._swapped else self._active(wants)
+        stages = self._due(active, now)
         for name in stages:
             self._last_start[name] = now
         if stages:
@@ -276,17 +278,16 @@ class Perception:
         self._percepts = replace(self._percepts, track=None, target=None)
 
     def _check_picture(self, view: View) -> str | None:
-        """The cheap checks every picture must pass before any stage sees it."""
+        """The cheap checks every picture must pass before any stage sees it; returns what it fails of."""
         previous = self._previous.frame if self._previous is not None else None
         fault = health.picture_fault(view.frame, previous)
         if view.frame.left.shape[:2] != (self._rig.left.height, self._rig.left.width):
             fault = "size"
         self._previous = view
-        if fault is None and self._swapped:
-            fault = "swapped"
+        told = "swapped" if fault is None and self._swapped else fault
         brightness = health.brightness(view.frame.left)
         self._percepts = replace(
-            self._percepts, health=Timed(Health(brightness, fault), view.frame.captured_at)
+            self._percepts, health=Timed(Health(brightness, told), view.frame.captured_at)
         )
         return fault
 

@@ -276,7 +276,7 @@ def test_one_dead_eye_is_enough() -> None:
     assert bench.worker.batches == []
 
 
-def test_exchanged_eyes_are_found_and_from_then_on_nothing_is_looked_at() -> None:
+def test_exchanged_eyes_are_found_and_from_then_on_nothing_else_is_looked_at() -> None:
     bench = Bench()
     good = view(TICK).frame
     exchanged = View(StereoFrame(good.right, good.left, TICK, 1), HeadPose(), Pose2())
@@ -287,6 +287,20 @@ def test_exchanged_eyes_are_found_and_from_then_on_nothing_is_looked_at() -> Non
     assert health is not None
     assert health.value.fault == "swapped"
     assert len(bench.worker.batches) == batches
+    runs = bench.drive(1.0, BOTH, {name: 0.0 for name in STAGES}, begin=3 * TICK)
+    assert set(runs) == {"health"}
+
+
+def test_eyes_put_in_order_again_are_noticed() -> None:
+    bench = Bench()
+    good = view(TICK).frame
+    bench.do("health", View(StereoFrame(good.right, good.left, TICK, 1), HeadPose(), Pose2()), NONE)
+    mended = view(1.0)
+    bench.do("health", mended, NONE)
+    bench.perception.submit(view(1.04), NONE, 1.04)
+    health = bench.perception.collect(1.04).health
+    assert health is not None
+    assert health.value.fault is None
 
 
 def test_eyes_in_order_are_not_called_exchanged() -> None:

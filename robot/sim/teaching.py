@@ -24,7 +24,7 @@ from robot.sim.world import World
 YAW_STEPS = 24
 DISTANCES_M = (0.5, 0.7, 1.0, 1.5, 2.1)
 LIGHTS = ((0.9, 0.0), (0.6, 0.0), (1.05, 0.0), (0.4, 0.0), (0.03, 1.0))
-"""Level of the room's light and of the lamp, one turn of the table each; the last is a night with the lamp."""
+"""Level of the room's light and of the lamp, one turn of the table each; the last by night."""
 STUDIO_SALT = 0x7EAC
 """Mixed into the seed, so that no scored scene draws what a studio draws."""
 MARGIN_PX = 3

@@ -250,7 +250,7 @@ def test_a_new_path_begins_at_its_start() -> None:
 # ------------------------------------------------------------------------------------------------ glance
 
 
-def heads(motion: Motion, held: bool, seconds: float, look: HeadPose = HeadPose(0.2, 0.35)) -> list[HeadPose]:  # noqa: B008
+def heads(motion: Motion, held: bool, seconds: float, look: HeadPose = HeadPose(0.2, 0.35)) -> list[HeadPose]:
     body, seen = WheelsBody(), []
     for k in range(round(seconds / PERIOD)):
         head = body.command(Intent(look, motion), Odometry(), held, k * PERIOD).head
