@@ -51,6 +51,7 @@ def measure(scene_name: str, seed: int) -> dict[str, Any]:
         while not simulated.done:
             simulated.world.step()
             simulated.clock.step()
+            _draw(simulated)
             worker.wall = 0.0
             start = time.perf_counter()
             tick = simulated.loop.tick()
@@ -76,6 +77,13 @@ def measure(scene_name: str, seed: int) -> dict[str, Any]:
     }
 
 
+def _draw(simulated: SimRun) -> None:
+    """Let the simulator draw this tick's pictures now: on the robot a camera delivers them."""
+    frame = simulated.world.camera.latest(simulated.clock.now())
+    if frame is not None:
+        _ = frame.left, frame.right
+
+
 def slowed(scene_name: str, seed: int) -> tuple[bool, bool]:
     """Run with every stage three times slower: whether the run said so, and whether it collided."""
     scene = load_scene(scene_name)
@@ -97,7 +105,9 @@ def main() -> int:
     scenes = ("demo", "standing", "moving") if options.full else ("demo",)
     runs = [measure(scene, seed=1) for scene in scenes]
     tick = np.concatenate([run["ticks"] for run in runs]) * 1e3
-    track, floor = (np.concatenate([run[key] for run in runs]) * 1e3 for key in ("track_ages", "floor_ages"))
+    track, floor = (
+        np.round(np.concatenate([run[key] for run in runs]) * 1e3, 6) for key in ("track_ages", "floor_ages")
+    )
     duration = sum(run["duration"] for run in runs)
     stages = sorted({stage for run in runs for stage in run["shares"]})
     shares = {stage: sum(r["shares"][stage] * r["duration"] for r in runs) / duration for stage in stages}

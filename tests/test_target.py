@@ -195,8 +195,24 @@ def test_a_new_detection_starts_a_lost_track_again() -> None:
     assert not any(follow_until(started, 1.0, 2.6))
 
 
+def test_a_target_lost_for_a_moment_is_found_again_where_it_must_be() -> None:
+    judge = Judge(0.1)
+    started = follower(judge)
+    other = texture((352, 288), np.random.default_rng(9))
+    sight = started.update(View(StereoFrame(other, other, 0.04, 1), HeadPose(), Pose2()))
+    assert sight is not None
+    assert sight.track.lost
+    judge.verdict = 0.8
+    sight = started.update(view(0.08))
+    assert sight is not None
+    assert not sight.track.lost
+    assert sight.track.box.iou(BOX) > 0.8
+
+
 def test_a_target_that_is_gone_is_lost_and_has_no_range() -> None:
-    started = follower()
+    judge = Judge()
+    started = follower(judge)
+    judge.verdict = 0.1
     other = texture((352, 288), np.random.default_rng(9))
     sight = started.update(View(StereoFrame(other, other, 0.04, 1), HeadPose(), Pose2()))
     assert sight is not None

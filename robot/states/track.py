@@ -11,7 +11,8 @@ from robot.nav.grid import ObstacleMap
 from robot.nav.planner import corridor_free
 from robot.states.behaviour import Behaviour, distance_between, look_at_place, pan_towards
 
-LOST_AFTER = 1.8  # seconds without a good track; a glance at the floor takes one of them
+SEARCH_AFTER = 1.2  # seconds after which the whole picture is searched, not only where the target must be
+LOST_AFTER = 2.2  # seconds without a good track; a glance at the floor takes one of them
 BLOCKED_FOR = 0.2  # seconds the way must look blocked before a detour is made
 STUCK_AFTER = 2.5  # seconds without coming nearer although there is way to go
 
@@ -36,7 +37,10 @@ class Track:
         target = self._good_target(situation)
         if target is None:
             self._look = self._look_for(situation)
-            intent = Intent(look=self._look, motion=Hold(), wants=frozenset({Want.TRACK, Want.RECOGNIZE}))
+            wants = {Want.TRACK}
+            if now - self._good_at > SEARCH_AFTER:
+                wants.add(Want.RECOGNIZE)
+            intent = Intent(look=self._look, motion=Hold(), wants=frozenset(wants))
             if now - self._good_at > LOST_AFTER:
                 return intent, Event("target_lost", "the track was lost", {"for_s": now - self._good_at})
             return intent, None

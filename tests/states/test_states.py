@@ -252,8 +252,9 @@ class TestTrack:
         lost = {"track": Timed(LOST, 0.2), "place": Timed((2.0, 0.0), 0.1)}
         intent, event = state.step(situation(0.3, **lost))
         assert intent.motion == Hold()
-        assert Want.RECOGNIZE in intent.wants
+        assert Want.RECOGNIZE not in intent.wants, "its place is looked at first: that is cheap"
         assert event is None
+        assert Want.RECOGNIZE in state.step(situation(1.5, **lost))[0].wants
         assert state.step(situation(3.0, **lost))[1].name == "target_lost"
 
     def test_an_old_range_is_as_good_as_none(self):
