@@ -229,7 +229,7 @@ def _draw_target(canvas: Image, overlay: Overlay, eye: Eye) -> None:
 def _target_words(overlay: Overlay) -> str:
     words = [overlay.label] if overlay.label else []
     if overlay.target is not None:
-        words.append(f"{overlay.target.distance:.2f} m +-{overlay.target.sigma:.2f}")
+        words.append(f"{overlay.target.distance:.2f} m +-{overlay.target.sigma:.3f}")
     return "  ".join(words) or "target"
 
 
