@@ -21,8 +21,8 @@ os.environ.setdefault("LP_NUM_THREADS", "1")
 def missing_graphics(cause: BaseException) -> UserError:
     """The one line to show when OpenGL cannot be reached."""
     return UserError(
-        f"the simulator cannot draw ({type(cause).__name__}: {cause}): install {PACKAGES} "
-        f"(Debian/Ubuntu: apt-get install {PACKAGES})"
+        f"the simulator cannot draw without software OpenGL; Debian and Ubuntu: apt-get install {PACKAGES} "
+        f"({type(cause).__name__}: {cause})"
     )
 
 

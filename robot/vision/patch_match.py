@@ -27,7 +27,7 @@ ROW_SKEW_PX = 1
 """Rows the right eye may be off by, up or down."""
 PRIOR_SIGMA = np.array([1e6, 0.12, 0.12, 0.03, 0.25])
 """Known beforehand: nothing of the shift; slopes and bend (px per px), row skew (px)."""
-NOISE_CORRELATION = 1.6
+NOISE_CORRELATION = 1.5
 """Residuals of neighbouring pixels are alike (lens blur, interpolation): sigma grows by this factor."""
 SIGMA_FLOOR_PX = 0.025
 """What no fit can know: left-over calibration error, the spline's own error."""
