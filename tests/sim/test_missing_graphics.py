@@ -6,6 +6,19 @@ import sys
 
 import pytest
 
+DRAW_ONCE = """
+from robot.errors import UserError
+try:
+    from robot.sim.scene import load_scene
+    from robot.sim.world import World
+    world = World(load_scene("standing"), 1)
+    world.step()
+    world.camera.latest(world.now).left
+except UserError as error:
+    print(error)
+    raise SystemExit(2)
+"""
+
 
 @pytest.mark.parametrize(
     "missing",
@@ -13,13 +26,14 @@ import pytest
     ids=["no driver", "no library"],
 )
 def test_the_packages_to_install_are_named(missing):
-    code = "from robot.errors import UserError\n"
-    code += "try:\n    from robot.sim.scene import load_scene; from robot.sim.world import World\n    w = World(load_scene('standing'), 1); w.step(); w.camera.latest(w.now).left\n"
-    code += "except UserError as error:\n    print(error); raise SystemExit(2)\n"
     ended = subprocess.run(
-        [sys.executable, "-c", code], env=os.environ | missing, capture_output=True, text=True, timeout=60
+        [sys.executable, "-c", DRAW_ONCE],
+        env=os.environ | missing,
+        capture_output=True,
+        text=True,
+        timeout=60,
     )
-    if missing.get("MUJOCO_GL") == "osmesa" and ended.returncode == 0:
+    if "MUJOCO_GL" in missing and ended.returncode == 0:
         return  # this machine has that library too
     assert ended.returncode == 2, ended.stderr
     assert ended.stdout.count("\n") == 1
