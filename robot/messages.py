@@ -148,8 +148,24 @@ class Odometry:
 
 
 @dataclass(frozen=True, slots=True)
+class Near:
+    """What the sensors at the bumper say: touched, and the sonar's distance in metres from its face.
+
+    distance: None without an echo or without a sonar.
+    """
+
+    at: float
+    bumped: bool = False
+    distance: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class TeleopInput:
-    """The newest word from whoever holds the stick. Axes -1..1; v forward, w left."""
+    """The newest word from whoever holds the stick. Axes -1..1; v forward, w left.
+
+    kind: how the person speaks: 'frames' (a program repeats the sticks, silence is a lost link), 'keys' (a
+    bare terminal: each key is a pulse, silence between keys is nothing), 'mavlink' (like frames).
+    """
 
     at: float
     v: float = 0.0
@@ -158,6 +174,7 @@ class TeleopInput:
     release: bool = False
     stop: bool = False
     arm: bool = False
+    kind: str = "frames"
 
 
 # ------------------------------------------------------------------------------------------- percepts

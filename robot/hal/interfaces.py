@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
-from robot.messages import Fault, HeadPose, Odometry, StereoFrame, TeleopInput, Twist
+from robot.messages import Fault, HeadPose, Near, Odometry, StereoFrame, TeleopInput, Twist
 
 
 class DeviceError(OSError):
@@ -84,6 +84,15 @@ class DriveBase(Device, Protocol):
         ...
 
 
+@runtime_checkable
+class NearSensors(Device, Protocol):
+    """What feels at the body's edge: bumper and sonar, the backup where the eyes fail."""
+
+    def read(self, now: float) -> Near:
+        """The newest reading. Check its `at`: it may be old."""
+        ...
+
+
 @dataclass(frozen=True, slots=True)
 class ArmState:
     """Joints (radians), flange position (metres), orientation (radians, Rz Ry Rx); the arm's base frame."""
@@ -116,6 +125,10 @@ class Arm(Device, Protocol):
         now: float,
     ) -> int:
         """Move the flange in a straight line; returns the command's number."""
+        ...
+
+    def limit_speed(self, share: float, now: float) -> None:
+        """Let every motion, also the one under way, go at no more than this share 0..1 of its speed."""
         ...
 
     def grip(self, closed: bool, now: float) -> None:

@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from driver_rigs import MAKERS, Make, Rig, real
+from driver_rigs import MAKERS, real
+from rig import Make, Rig
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

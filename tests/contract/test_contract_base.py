@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from driver_rigs import drive, watch
+from rig import drive, watch
 
 from robot.faults import TABLE
 from robot.hal.interfaces import DriveBase

@@ -230,6 +230,21 @@ def test_arm_stops_at_once(arm) -> None:  # type: ignore[no-untyped-def]
     assert not later.in_position
 
 
+def test_arm_slows_down_and_goes_on(arm) -> None:  # type: ignore[no-untyped-def]
+    arm.device.enable(arm.now)
+    arm.device.move_joints(READY, 0.2, arm.now)
+    wait_a_tick(arm)
+    arm.device.limit_speed(0.0, arm.now)
+    wait_a_tick(arm)
+    held = arm.device.read(arm.now).joints
+    for _ in range(10):
+        wait_a_tick(arm)
+        arm.device.read(arm.now)
+    assert arm.device.read(arm.now).joints == pytest.approx(held, abs=0.02)
+    arm.device.limit_speed(1.0, arm.now)
+    assert settle(arm).joints == pytest.approx(READY, abs=1e-3)
+
+
 def test_broken_arm_takes_no_command(breakable_arm) -> None:  # type: ignore[no-untyped-def]
     rig = breakable_arm
     rig.device.enable(rig.now)

@@ -27,7 +27,8 @@ class MockArm(Mock):
         self._now = (*joints, *position, 0.0, 0.0, 0.0)
         self._count = len(joints)
         self._start, self._goal = self._now, self._now
-        self._begun = self._ends = -math.inf
+        self._driven_s = self._length_s = 0.0
+        self._share = 1.0
         self._number = 0
 
     def enable(self, now: float) -> None:
@@ -65,6 +66,12 @@ class MockArm(Mock):
         if self._works(now, "grip", closed):
             self.gripped = closed
 
+    def limit_speed(self, share: float, now: float) -> None:
+        """Slow the motion under way and all later ones; 0 holds it where it is."""
+        self._advance(now)
+        if self._works(now, "limit_speed", share) and math.isfinite(share):
+            self._share = max(0.0, min(1.0, share))
+
     def stop(self, now: float) -> None:
         """Stop where it is."""
         self._advance(now)
@@ -76,7 +83,7 @@ class MockArm(Mock):
         if self._works(now, "read"):
             self._advance(now)
         n, values = self._count, self._now
-        moving = self._time < self._ends
+        moving = self._driven_s < self._length_s
         return ArmState(
             joints=values[:n],
             position=(values[n], values[n + 1], values[n + 2]),
@@ -94,19 +101,20 @@ class MockArm(Mock):
 
     def _go(self, goal: tuple[float, ...], seconds_at_full_speed: float, speed: float, now: float) -> int:
         self._start, self._goal = self._now, goal
-        self._begun = now
-        self._ends = now + seconds_at_full_speed / max(0.01, min(1.0, speed))
+        self._driven_s = 0.0
+        self._length_s = seconds_at_full_speed / max(0.01, min(1.0, speed))
         self._number += 1
         return self._number
 
     def _halt(self) -> None:
-        self._ends = self._time
+        self._length_s = self._driven_s
 
     def _advance(self, now: float) -> None:
         if now <= self._time:
             return
-        if self._time < self._ends:
-            share = min(1.0, (now - self._begun) / (self._ends - self._begun))
+        if self._driven_s < self._length_s:
+            self._driven_s = min(self._driven_s + self._share * (now - self._time), self._length_s)
+            share = self._driven_s / self._length_s
             self._now = tuple(a + share * (b - a) for a, b in zip(self._start, self._goal, strict=True))
             if share == 1.0:
                 self._now = self._goal
