@@ -21,10 +21,15 @@ def _doc(words: str, **bounds: Any) -> Meta:
 class Cameras(Struct, frozen=True, forbid_unknown_fields=True):
     """The two eyes."""
 
-    driver: Annotated[str, _doc("what delivers the pictures", pattern="^(mock|folder)$")] = "mock"
-    left: Annotated[str, _doc("folder of the left eye's pictures")] = ""
+    driver: Annotated[str, _doc("what delivers the pictures", pattern="^(mock|folder|v4l2|http|video)$")] = (
+        "mock"
+    )
+    left: Annotated[
+        str, _doc("left eye: /dev/v4l/by-path/..., http://..., a video file, or a folder of pictures")
+    ] = ""
     right: Annotated[
-        str, _doc("folder of the right eye's pictures; empty: left_* and right_* in one folder")
+        str,
+        _doc("right eye likewise; empty: one device gives both side by side (folder: left_*, right_*)"),
     ] = ""
     calibration: Annotated[str, _doc("calibration file of the pair; empty: the nominal figures below")] = ""
     width_px: Annotated[int, _doc("picture width", ge=64, le=4096)] = 352
@@ -32,12 +37,30 @@ class Cameras(Struct, frozen=True, forbid_unknown_fields=True):
     focal_px: Annotated[float, _doc("nominal focal length", ge=20.0, le=10000.0)] = 305.0
     baseline_m: Annotated[float, _doc("nominal distance between the lenses", ge=0.005, le=2.0)] = 0.06
     rate_hz: Annotated[float, _doc("pictures a second", ge=1.0, le=120.0)] = 25.0
+    pixel_format: Annotated[
+        str, _doc("v4l2: MJPG needs little of the USB bus, YUYV loses nothing", pattern="^(MJPG|YUYV)$")
+    ] = "MJPG"
+    exposure_100us: Annotated[
+        int, _doc("exposure of both eyes in 0.1 ms; 0: the left eye settles, both keep that", ge=0, le=10000)
+    ] = 0
+    white_balance_k: Annotated[
+        int, _doc("colour temperature of both eyes in kelvin; 0: as the left eye settles", ge=0, le=12000)
+    ] = 0
 
 
 class Head(Struct, frozen=True, forbid_unknown_fields=True):
     """The pan-tilt head and where it sits."""
 
-    driver: Annotated[str, _doc("what stands behind it", pattern="^(mock|none)$")] = "mock"
+    driver: Annotated[str, _doc("what stands behind it", pattern="^(mock|uvc|nxt-pan|none)$")] = "mock"
+    device: Annotated[
+        str, _doc("uvc: the camera that turns, /dev/v4l/by-path/... or http://HOST:PORT; empty: cameras.left")
+    ] = ""
+    zoom: Annotated[int, _doc("uvc: zoom control's value, kept fixed; 0: not touched", ge=0, le=10000)] = 0
+    slew_deg_s: Annotated[float, _doc("how fast the head turns", ge=5.0, le=1000.0)] = 200.0
+    pan_motor: Annotated[str, _doc("nxt-pan: brick port of the pan motor", pattern="^[ABC]$")] = "C"
+    pan_gear: Annotated[
+        float, _doc("nxt-pan: motor turns per head turn; negative: the other way", ge=-100.0, le=100.0)
+    ] = 1.0
     forward_m: Annotated[float, _doc("pan axis ahead of the axle", ge=-1.0, le=1.0)] = 0.06
     height_m: Annotated[float, _doc("tilt axis above the floor", ge=0.02, le=3.0)] = 0.25
     eye_forward_m: Annotated[float, _doc("lenses ahead of the axes", ge=-0.2, le=0.2)] = 0.02
@@ -50,7 +73,13 @@ class Head(Struct, frozen=True, forbid_unknown_fields=True):
 class LampSettings(Struct, frozen=True, forbid_unknown_fields=True):
     """The LED lamp."""
 
-    driver: Annotated[str, _doc("what stands behind it", pattern="^(mock|none)$")] = "mock"
+    driver: Annotated[str, _doc("what stands behind it", pattern="^(mock|sysfs|modbus|gpiozero|none)$")] = (
+        "mock"
+    )
+    device: Annotated[
+        str, _doc("sysfs: LED's name; gpiozero: pin, e.g. GPIO18; modbus: HOST:PORT or a serial port")
+    ] = ""
+    coil: Annotated[int, _doc("modbus: the lamp's coil", ge=0, le=65535)] = 4
     on_below: Annotated[float, _doc("mean picture brightness that switches it on", ge=0.0, le=255.0)] = 45.0
     off_above: Annotated[float, _doc("mean brightness that switches it off again", ge=0.0, le=255.0)] = 110.0
 
@@ -79,18 +108,38 @@ class Base(Struct, frozen=True, forbid_unknown_fields=True):
     max_turn_deg_s: Annotated[float, _doc("top turning rate", ge=0.0, le=360.0)] = 70.0
     max_acceleration_m_s2: Annotated[float, _doc("acceleration and braking", ge=0.05, le=10.0)] = 0.6
     pulse_s: Annotated[float, _doc("dead-man: a command drives at most this long", ge=0.05, le=0.3)] = 0.3
+    bumper_ports: Annotated[
+        str, _doc("brick inputs with touch sensors as bumper, e.g. 1 or 12; empty: none", pattern="^[1-4]*$")
+    ] = ""
+    sonar_port: Annotated[
+        str, _doc("brick input with the ultrasonic sensor; empty: none", pattern="^[1-4]?$")
+    ] = ""
+    sonar_forward_m: Annotated[float, _doc("the sonar's face ahead of the axle", ge=-1.0, le=1.0)] = 0.12
 
 
 class ArmSettings(Struct, frozen=True, forbid_unknown_fields=True):
     """The robot arm."""
 
-    driver: Annotated[str, _doc("what stands behind it", pattern="^(mock|none)$")] = "none"
+    driver: Annotated[str, _doc("what stands behind it", pattern="^(mock|modbus|none)$")] = "none"
+    address: Annotated[str, _doc("its controller: HOST:PORT (TCP) or a serial port (RTU)")] = ""
+    baudrate: Annotated[int, _doc("of a serial port", ge=1200, le=1000000)] = 115200
+    unit: Annotated[int, _doc("Modbus unit number", ge=1, le=247)] = 1
+    word_order: Annotated[str, _doc("of 32-bit values", pattern="^(high-first|low-first)$")] = "high-first"
+    watchdog_ms: Annotated[int, _doc("the controller stops by itself after this silence", ge=100, le=400)] = (
+        300
+    )
+    forward_m: Annotated[float, _doc("the arm's base ahead of the robot's origin", ge=-2.0, le=2.0)] = 0.0
+    left_m: Annotated[float, _doc("the arm's base left of the robot's origin", ge=-2.0, le=2.0)] = 0.0
+    slow_from_m: Annotated[float, _doc("something this near: the arm slows down", ge=0.05, le=3.0)] = 0.5
+    stop_at_m: Annotated[float, _doc("something this near: the arm stands", ge=0.0, le=2.0)] = 0.12
 
 
 class TeleopSettings(Struct, frozen=True, forbid_unknown_fields=True):
     """The person at the stick."""
 
-    driver: Annotated[str, _doc("what stands behind it", pattern="^(mock|none)$")] = "none"
+    driver: Annotated[str, _doc("what stands behind it", pattern="^(mock|serial|none)$")] = "none"
+    port: Annotated[str, _doc("serial port, e.g. /dev/ttyUSB0")] = ""
+    baudrate: Annotated[int, _doc("of the serial port", ge=1200, le=1000000)] = 115200
     timeout_s: Annotated[float, _doc("silence after which the robot stops", ge=0.1, le=0.5)] = 0.4
     blind_speed_m_s: Annotated[float, _doc("top speed without working vision", ge=0.0, le=0.2)] = 0.08
 
