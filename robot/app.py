@@ -15,7 +15,8 @@ from robot.config import Config
 from robot.fault_watch import FaultSource
 from robot.guard import GuardLimits
 from robot.looker import Recognizes
-from robot.loop import Devices, Loop, LoopSettings
+from robot.loop import Loop
+from robot.loop_interfaces import Devices, LoopSettings
 from robot.messages import Pose2, Tick
 from robot.nav.grid import MapSettings, ObstacleMap
 from robot.perception import STAGES, Perception

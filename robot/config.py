@@ -182,6 +182,9 @@ class Vision(Struct, frozen=True, forbid_unknown_fields=True):
     free_space: Annotated[Stage, _doc("dense stereo and free floor")] = field(
         default_factory=lambda: Stage(rate_hz=8.4, cost_s=0.028)
     )
+    motion: Annotated[Stage, _doc("the base's own motion by the eyes, held against its wheels")] = field(
+        default_factory=lambda: Stage(rate_hz=8.0, cost_s=0.006)
+    )
     ground: Annotated[Stage, _doc("obstacle points by the ground plane")] = field(
         default_factory=lambda: Stage(rate_hz=4.2, cost_s=0.012)
     )

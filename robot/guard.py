@@ -9,6 +9,8 @@ Rules, in the order in which they are applied:
 4. Driving, forwards or backwards, only over floor seen free, with free space younger than its limit, and so
    slowly that v (age + latency) + v^2 / (2 a) stays within the free distance less the margin.
 5. A person at the stick drives without working vision, or into unseen floor, at a capped speed.
+6. Where the bumper touches nothing drives forwards, whoever drives; where the sonar hears something, no
+   faster than by rule 4. Sonar and bumper only ever take away.
 
 The caller gives what was measured (`GuardInput`); `Sent.limited_by` says in words what was taken away.
 """
@@ -19,7 +21,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from robot.messages import Clearance, Command, HeadPose, Sent, Twist
+from robot.messages import Clearance, Command, HeadPose, Near, Sent, Twist
 
 _SLOWEST_TURN = 0.1
 """On the spot, turning rates below this (rad/s) move no wheel."""
@@ -37,7 +39,8 @@ class GuardLimits:
 
     margin: metres kept between the body's edge and what ends the free way. latency: seconds from decision to
     turning wheels. free_space_max_age: no translation on older looks. blind_speed: top speed of a person
-    without vision.
+    without vision. sonar_inset: metres by which the sonar's face lies behind the body's front edge.
+    near_max_age: older readings of bumper and sonar say nothing.
     """
 
     max_speed: float = 0.25
@@ -48,6 +51,8 @@ class GuardLimits:
     latency: float = 0.12
     free_space_max_age: float = 0.3
     blind_speed: float = 0.08
+    sonar_inset: float = 0.0
+    near_max_age: float = 0.5
 
     def __post_init__(self) -> None:
         values = [getattr(self, name) for name in self.__slots__]
@@ -66,7 +71,7 @@ class GuardInput:
     clearance: free way along the arc of a twist that has forward or backward speed
     (`ObstacleMap.arc_clearance` with pose and time filled in); asked at most once.
     turn_free: nothing stands inside the body's circle. stop: why everything must stand (an active stop
-    fault), None if nothing is wrong. teleop: a person holds the stick.
+    fault), None if nothing is wrong. teleop: a person holds the stick. near: bumper and sonar, if any.
     """
 
     now: float
@@ -77,6 +82,7 @@ class GuardInput:
     turn_free: bool
     stop: str | None = None
     teleop: bool = False
+    near: Near | None = None
 
 
 def safe_speed(free_distance: float, age: float, latency: float, acceleration: float) -> float:
@@ -126,6 +132,8 @@ def guard(command: Command, state: GuardInput, limits: GuardLimits) -> Sent:
         allowed, reason = _turning(shaped, state)
     else:
         allowed, reason = _driving(shaped, state, limits)
+        allowed, felt = _felt(allowed, state, limits)
+        reason = felt or reason
     return replace(standing, twist=allowed, limited_by=reason or why)
 
 
@@ -179,6 +187,23 @@ def _driving(twist: Twist, state: GuardInput, limits: GuardLimits) -> tuple[Twis
     if speed < _CREEP:
         return _on_the_spot(twist, state, why)
     return _scaled(twist, speed / abs(twist.v)), why
+
+
+def _felt(twist: Twist, state: GuardInput, limits: GuardLimits) -> tuple[Twist, str | None]:
+    """What bumper and sonar leave of a forward motion."""
+    near = state.near
+    if near is None or twist.v <= 0.0 or not 0.0 <= state.now - near.at <= limits.near_max_age:
+        return twist, None
+    if near.bumped:
+        return Twist(), "the bumper touches"
+    if near.distance is None or not math.isfinite(near.distance):
+        return twist, None
+    free = near.distance - limits.sonar_inset - limits.margin
+    speed = safe_speed(free, state.now - near.at, limits.latency, limits.max_acceleration)
+    if speed >= twist.v:
+        return twist, None
+    why = f"sonar in {near.distance:.2f} m"
+    return (Twist(), why) if speed < _CREEP else (_scaled(twist, speed / twist.v), why)
 
 
 def _free_space_age(state: GuardInput) -> float | None:

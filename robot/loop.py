@@ -7,122 +7,36 @@ before an event is sent, for sending runs other code.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Protocol
+from dataclasses import replace
 
 from robot import authority, faults
 from robot.clock import Clock
 from robot.fault_watch import FaultSource, FaultWatch
-from robot.guard import GuardInput, GuardLimits, guard
-from robot.hal.interfaces import DriveBase, LampDevice, PanTilt, StereoCamera, TeleopLink
-from robot.lamp_control import lamp_level
+from robot.guard import GuardInput, guard
+from robot.lamp_control import LampWatch, lamp_level
+from robot.loop_interfaces import BodyLike, ChartLike, Devices, LoopSettings, PerceptionLike, StateLike
 from robot.messages import (
     Clearance,
-    Command,
     Event,
     Fault,
     HeadPose,
     Intent,
+    Near,
     Odometry,
     Percepts,
-    Pose2,
     Sent,
     Situation,
-    TeleopInput,
     Tick,
     Transition,
     Twist,
     View,
-    Want,
 )
+from robot.pose_history import PoseHistory
+from robot.status_line import status_line
 
 GLANCE_WITHIN = 0.5  # metres: unseen floor nearer than this is worth a look down
+TELL_EVERY = 0.5  # seconds between two status lines for the person at the stick
 AUTONOMOUS = ("search", "recognize", "range", "track", "avoid")
-
-
-class StateLike(Protocol):
-    """A state as the loop sees it."""
-
-    def enter(self, situation: Situation) -> None:
-        """Called once when the chart enters the state."""
-        ...
-
-    def step(self, situation: Situation) -> tuple[Intent, Event | None]:
-        """Called every tick."""
-        ...
-
-
-class ChartLike(Protocol):
-    """The chart as the loop sees it."""
-
-    @property
-    def leaf(self) -> str:
-        """The innermost active state."""
-        ...
-
-    def send(self, event: str) -> object:
-        """Take the transition of this event."""
-        ...
-
-
-class PerceptionLike(Protocol):
-    """Perception as the loop sees it."""
-
-    def submit(self, view: View, wants: frozenset[Want], now: float) -> None:
-        """Start what is due on this view."""
-        ...
-
-    def collect(self, now: float) -> Percepts:
-        """The newest percepts."""
-        ...
-
-    def faults(self, now: float) -> tuple[Fault, ...]:
-        """What is wrong with vision."""
-        ...
-
-    def forget_target(self) -> None:
-        """Drop the stale track."""
-        ...
-
-    def clearance(self, pose: Pose2, twist: Twist, now: float) -> Clearance:
-        """How far the way of this twist is free."""
-        ...
-
-    def may_turn(self, pose: Pose2) -> bool:
-        """True if nothing stands within the circle the body turns in."""
-        ...
-
-
-class BodyLike(Protocol):
-    """The body as the loop sees it."""
-
-    def command(self, intent: Intent, odometry: Odometry, blocked_by_unknown: bool, now: float) -> Command:
-        """Turn an intent into a command."""
-        ...
-
-
-@dataclass(frozen=True, slots=True)
-class Devices:
-    """What the loop reads and moves."""
-
-    camera: StereoCamera
-    head: PanTilt
-    lamp: LampDevice
-    base: DriveBase
-    teleop: TeleopLink | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class LoopSettings:
-    """Numbers of the control tick."""
-
-    guard: GuardLimits
-    frame_max_age: float = 0.5
-    teleop_timeout: float = 0.4
-    teleop_max_v: float = 0.25
-    teleop_max_w: float = 1.2
-    lamp_on_below: float = 45.0
-    lamp_off_above: float = 110.0
 
 
 class Loop:
@@ -152,14 +66,19 @@ class Loop:
         self._settings = settings
         self._observers = list(observers)
         self._seq = -1
-        held = (devices.camera, devices.head, devices.lamp, devices.base, devices.teleop)
-        sources = [device.faults for device in held if device is not None]
-        self._watch = FaultWatch([*sources, perception.faults, *watched], settings.frame_max_age, clock.now())
+        self._lamp_watch = LampWatch()
+        self._poses = PoseHistory()
+        held = (devices.camera, devices.head, devices.lamp, devices.base, devices.teleop, devices.near)
+        told = [device.faults for device in (*held, devices.arm) if device is not None]
+        sources = [*told, perception.faults, self._lamp_watch.faults, *watched]
+        self._watch = FaultWatch(sources, settings.frame_max_age, clock.now(), settings.period)
         self._acted_at = clock.now()
         self._sent = Sent(Twist(), None, 0.0)
         self._intent = Intent()
         self._blocked_by_unknown = False
         self._handled_word_at = -1.0
+        self._held = False
+        self._told_at = -TELL_EVERY
         self._stopped = False
         self._entered = False
 
@@ -170,13 +89,14 @@ class Loop:
         now = self._clock.now()
         odometry = self._devices.base.read(now)
         head = self._devices.head.read(now)
+        near = self._devices.near.read(now) if self._devices.near is not None else None
         view, percepts = self._see(now, odometry, head)
         situation = Situation(now, percepts, odometry, head)
-        word = self._devices.teleop.latest(now) if self._devices.teleop else None
-        verdict = self._judge_word(word, now)
-        active = self._watch.gather(now, percepts, verdict.silent)
+        verdict = self._listen(now)
+        active = self._watch.gather(now, percepts, verdict.silent, near)
         transitions = self._decide(situation, active, verdict)
-        sent = self._act(situation, percepts, active, verdict)
+        sent = self._act(situation, active, verdict, near)
+        self._tell(sent, active, now)
         tick = Tick(
             now, self._chart.leaf, view, percepts, odometry, head, self._intent, sent, active, transitions
         )
@@ -184,8 +104,17 @@ class Loop:
         return tick
 
     def close(self) -> None:
-        """Stop the wheels. The devices themselves are closed by whoever opened them."""
-        self._devices.base.stop(self._clock.now())
+        """Stop the wheels, put the lamp out. The devices themselves are closed by whoever opened them."""
+        now = self._clock.now()
+        self._devices.base.stop(now)
+        self._devices.lamp.send(0.0, now)
+
+    def _tell(self, sent: Sent, active: tuple[Fault, ...], now: float) -> None:
+        """A status line for the person at the stick."""
+        teleop = self._devices.teleop
+        if teleop is not None and now - self._told_at >= TELL_EVERY - 1e-9:
+            self._told_at = now
+            teleop.tell(status_line(self._chart.leaf, sent, self._devices.base.battery_volts(), active), now)
 
     def _publish(self, tick: Tick) -> None:
         """Tell the observers; one that fails is told no more, for watching must never end the run."""
@@ -200,20 +129,24 @@ class Loop:
     # ------------------------------------------------------------------------------------------ see
 
     def _see(self, now: float, odometry: Odometry, head: HeadPose) -> tuple[View | None, Percepts]:
+        """Submit a new picture with where base and head were when it was taken; collect what was seen."""
+        self._poses.add(odometry, head, now)
         frame = self._devices.camera.latest(now)
         view = None
         if frame is not None and frame.seq != self._seq:
             self._seq = frame.seq
-            view = View(frame, head, odometry.pose)
+            view = View(frame, self._poses.head(frame.captured_at), self._poses.base(frame.captured_at))
             self._perception.submit(view, self._intent.wants, now)
         return view, self._perception.collect(now)
 
     # --------------------------------------------------------------------------------------- decide
 
-    def _judge_word(self, word: TeleopInput | None, now: float) -> authority.Verdict:
-        if self._devices.teleop is None:
+    def _listen(self, now: float) -> authority.Verdict:
+        """What the person at the stick says."""
+        link, settings = self._devices.teleop, self._settings
+        if link is None:
             return authority.Verdict()
-        settings = self._settings
+        word = link.latest(now)
         verdict = authority.decide(
             word,
             self._handled_word_at,
@@ -222,7 +155,10 @@ class Loop:
             settings.teleop_timeout,
             settings.teleop_max_v,
             settings.teleop_max_w,
+            link_down=any(fault.kind == "link" for fault in link.faults(now)),
+            held=self._held,
         )
+        self._held = verdict.held
         if word is not None:
             self._handled_word_at = max(self._handled_word_at, word.at)
         return verdict
@@ -231,8 +167,8 @@ class Loop:
         self, situation: Situation, active: tuple[Fault, ...], verdict: authority.Verdict
     ) -> tuple[Transition, ...]:
         """Faults first, then the person, then the state; returns the transitions taken."""
-        action = faults.worst_action(active)
         leaf = self._chart.leaf
+        action = faults.worst_action(active, leaf)
         transitions: list[Transition] = []
         if not self._entered:
             self._enter(leaf, situation)
@@ -288,18 +224,21 @@ class Loop:
     # ------------------------------------------------------------------------------------------ act
 
     def _act(
-        self, situation: Situation, percepts: Percepts, active: tuple[Fault, ...], verdict: authority.Verdict
+        self,
+        situation: Situation,
+        active: tuple[Fault, ...],
+        verdict: authority.Verdict,
+        near: Near | None,
     ) -> Sent:
         """Body, guard, devices. Returns what was really sent."""
-        now, pose = situation.now, situation.odometry.pose
-        teleop = self._chart.leaf == "teleop"
+        now, pose, percepts = situation.now, situation.odometry.pose, situation.percepts
+        leaf = self._chart.leaf
+        teleop = leaf == "teleop"
         command = self._body.command(self._intent, situation.odometry, self._blocked_by_unknown, now)
         if teleop:
             command = replace(command, twist=verdict.twist)
-        command = replace(command, lamp=self._lamp(percepts))
-        stop = next((fault.key for fault in active if faults.row(fault).action >= faults.Action.STOP), None)
-        if teleop and stop is not None and stop.startswith("camera."):
-            stop = None  # a person may drive on blind, at the guard's blind speed
+        command = replace(command, lamp=self._lamp(percepts, now))
+        stop = next((f.key for f in active if faults.action(f, leaf) >= faults.Action.STOP), None)
         clearance: list[Clearance] = []
 
         def ask(twist: Twist) -> Clearance:
@@ -307,8 +246,8 @@ class Loop:
             return clearance[-1]
 
         free_space = percepts.free_space
-        if stop is None and teleop and any(fault.device == "camera" for fault in active):
-            free_space = None
+        if teleop and any(faults.row(fault).action >= faults.Action.STOP for fault in active):
+            free_space = None  # a person drives on past a fault of the eyes: blind, at the guard's speed
         sent = guard(
             command,
             GuardInput(
@@ -320,6 +259,7 @@ class Loop:
                 turn_free=self._perception.may_turn(pose),
                 stop=stop,
                 teleop=teleop,
+                near=near,
             ),
             self._settings.guard,
         )
@@ -328,11 +268,15 @@ class Loop:
             way.limited_by == "unknown" and way.distance < GLANCE_WITHIN for way in clearance
         )
         self._sent = self._send(sent, now)
+        if self._devices.arm is not None:
+            self._devices.arm.act(situation, stop is not None or leaf not in AUTONOMOUS)
         return self._sent
 
-    def _lamp(self, percepts: Percepts) -> float:
-        brightness = percepts.health.value.brightness if percepts.health is not None else None
-        settings = self._settings
+    def _lamp(self, percepts: Percepts, now: float) -> float:
+        health, settings = percepts.health, self._settings
+        brightness = health.value.brightness if health is not None else None
+        seen_at = health.at if health is not None else None
+        self._lamp_watch.note(self._sent.lamp, brightness, seen_at, now)
         return lamp_level(
             self._intent.lamp, brightness, self._sent.lamp, settings.lamp_on_below, settings.lamp_off_above
         )

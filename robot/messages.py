@@ -291,10 +291,40 @@ class Health:
 
 
 @dataclass(frozen=True, slots=True)
+class EgoMotion:
+    """How the base moved between two pictures as the eyes saw it, beside what its wheels say.
+
+    since: capture time of the earlier picture. wheels, eyes: the step on the floor, in the base's frame at
+    that time. lift in metres, roll (left side up) and pitch (front down) in radians: what the eyes saw leave
+    the floor. sigma: standard deviations of the eyes' step (x, y, yaw). deviation: how far both are apart in
+    standard deviations of both (Mahalanobis distance in all six directions). points: how many were followed;
+    inliers: how many of them move as `eyes` says; dissent: share that the wheels explain and `eyes` does not.
+    """
+
+    since: float
+    wheels: Pose2
+    eyes: Pose2
+    lift: float
+    roll: float
+    pitch: float
+    sigma: tuple[float, float, float]
+    deviation: float
+    points: int
+    inliers: int
+    dissent: float
+
+    @property
+    def inlier_share(self) -> float:
+        """Share 0..1 of the points that move as the eyes' step says."""
+        return self.inliers / max(self.points, 1)
+
+
+@dataclass(frozen=True, slots=True)
 class Percepts:
     """The newest result of every vision job; None where there is none yet.
 
     place is where the target was last seen, (x, y) in the odometry frame; it outlives a lost track.
+    motion stays None, or old, where there is too little to be seen to say anything.
     """
 
     health: Timed[Health] | None = None
@@ -303,6 +333,7 @@ class Percepts:
     target: Timed[Range] | None = None
     place: Timed[tuple[float, float]] | None = None
     free_space: Timed[FreeSpace] | None = None
+    motion: Timed[EgoMotion] | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,7 +23,7 @@ from robot.config import Config, load
 from robot.errors import UserError
 from robot.hal.factory import open_hardware
 from robot.hal.rectified import RectifiedCamera
-from robot.loop import Devices
+from robot.loop_interfaces import Devices
 from robot.messages import Fault, Tick
 from robot.record.recorder import Recorder, tick_ms
 from robot.record.run_folder import RunFolder

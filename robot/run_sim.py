@@ -16,7 +16,8 @@ from robot.hal.nxt.base import NxtBase
 from robot.hal.nxt.brick import Brick
 from robot.hal.nxt.settings import USB
 from robot.looker import Recognizes
-from robot.loop import Devices, Loop
+from robot.loop import Loop
+from robot.loop_interfaces import Devices
 from robot.messages import Box, Tick
 from robot.perception import Perception
 from robot.sim.referee import Claim, Referee

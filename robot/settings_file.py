@@ -107,7 +107,7 @@ def describe(info: inspect.Type | None) -> str:
             name = "number" if isinstance(bare, inspect.FloatType) else "whole number"
             return name + _bounds(bare)
         case inspect.StrType(pattern=pattern) if pattern is not None:
-            return "one of " + pattern.strip("^$").strip("()").replace("|", ", ")
+            return _words_of_pattern(pattern.strip("^$"))
         case inspect.StrType():
             return "text"
         case inspect.BoolType():
@@ -128,12 +128,25 @@ def describe(info: inspect.Type | None) -> str:
             return "see the documentation"
 
 
+def _words_of_pattern(pattern: str) -> str:
+    """A pattern for people: the words to choose from, or the characters a text may have."""
+    if pattern.startswith("("):
+        return "one of " + pattern.strip("()").replace("|", ", ")
+    characters = pattern.rstrip("*?").strip("[]")
+    match pattern[-1]:
+        case "*":
+            return f"any of {characters}, or empty"
+        case "?":
+            return f"one of {characters}, or empty"
+    return f"one of {', '.join(characters)}"
+
+
 def _bounds(info: inspect.FloatType | inspect.IntType) -> str:
     low = info.ge if info.ge is not None else info.gt
     high = info.le if info.le is not None else info.lt
     words = ""
     if low is not None and high is not None:
-        words = f" from {low:g} to {high:g}"
+        words = f" from {low:.7g} to {high:.7g}"
     elif low is not None:
         words = f" from {low:g}"
     elif high is not None:

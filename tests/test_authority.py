@@ -37,8 +37,33 @@ def test_stop_is_accepted_always(state):
     assert verdict.twist.is_zero
     if state in ("idle", "halted"):
         assert verdict.event is None
+    elif state == "teleop":
+        assert verdict.event is None
+        assert verdict.held
     else:
-        assert verdict.event.name in ("disarmed", "teleop_released")
+        assert verdict.event.name == "disarmed"
+
+
+def test_after_a_stop_the_sticks_must_be_let_go_first():
+    def next_word(held, **word):
+        return decide(TeleopInput(at=1.0, **word), 0.9, "teleop", 1.0, 0.4, 0.2, 1.0, held=held)
+
+    pushed = next_word(True, v=1.0)
+    assert pushed.twist.is_zero
+    assert pushed.held
+    neutral = next_word(True, v=0.0)
+    assert not neutral.held
+    assert next_word(neutral.held, v=1.0).twist.v == pytest.approx(0.2)
+    assert next_word(True, v=1.0, kind="keys").twist.v == pytest.approx(0.2), "a new key is a new will"
+
+
+def test_keys_may_be_silent_but_a_broken_link_may_not():
+    assert not judge("teleop", kind="keys", now=9.0).silent
+    assert judge("teleop", kind="keys", v=1.0, now=9.0).twist.is_zero
+    assert judge("teleop", kind="mavlink", now=9.0).silent
+    broken = decide(TeleopInput(1.0, v=1.0, kind="keys"), 0.0, "teleop", 1.0, 0.4, 0.2, 1.0, link_down=True)
+    assert broken.silent
+    assert broken.twist.is_zero
 
 
 def test_release_and_resume():

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robot.guard import GuardInput, GuardLimits, guard, safe_speed
-from robot.messages import Clearance, Command, HeadPose, Sent, Twist
+from robot.messages import Clearance, Command, HeadPose, Near, Sent, Twist
 
 LIMITS = GuardLimits()
 NOW = 10.0
@@ -254,3 +254,40 @@ def test_head_and_lamp_that_are_no_numbers_are_not_sent() -> None:
 def test_limits_that_make_no_sense_are_refused(bad: dict[str, float]) -> None:
     with pytest.raises(ValueError, match="guard"):
         GuardLimits(**bad)
+
+
+# --------------------------------------------------------------------------------------- bumper and sonar
+
+
+@pytest.mark.parametrize("teleop", [False, True])
+def test_where_the_bumper_touches_nothing_drives_forwards(teleop: bool) -> None:
+    touching = replace(CRUISING, near=Near(NOW - 0.05, bumped=True), teleop=teleop)
+    sent = guard(command(0.2), touching, LIMITS)
+    assert sent.twist.is_zero
+    assert sent.limited_by == "the bumper touches"
+    assert guard(command(-0.02), touching, LIMITS).twist.v < 0.0
+
+
+def test_the_sonar_slows_down_and_stops_before_what_the_eyes_missed() -> None:
+    limits = GuardLimits(sonar_inset=0.05)
+
+    def speed(distance: float) -> float:
+        return guard(command(0.25), replace(CRUISING, near=Near(NOW, distance=distance)), limits).twist.v
+
+    assert speed(2.0) == pytest.approx(0.25)
+    assert 0.0 < speed(0.16) < 0.25
+    assert speed(0.1) == 0.0
+
+
+@settings(deadline=None, max_examples=200)
+@given(st.floats(0.0, 3.0), speeds, rates, ages, st.booleans())
+def test_near_sensors_only_take_away(distance: float, v: float, w: float, age: float, bumped: bool) -> None:
+    without = guard(command(v, w), CRUISING, LIMITS).twist
+    sent = guard(command(v, w), replace(CRUISING, near=Near(NOW - age, bumped, distance)), LIMITS).twist
+    assert abs(sent.v) <= abs(without.v)
+    assert abs(sent.w) <= abs(without.w)
+
+
+def test_old_readings_say_nothing() -> None:
+    old = replace(CRUISING, near=Near(NOW - 0.6, bumped=True, distance=0.0))
+    assert guard(command(0.25), old, LIMITS).twist.v == pytest.approx(0.25)

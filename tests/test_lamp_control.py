@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot.lamp_control import lamp_level
+from robot.lamp_control import LampWatch, lamp_level
 from robot.messages import Lamp
 
 ON_BELOW, OFF_ABOVE = 45.0, 110.0
@@ -48,3 +48,38 @@ def test_without_a_picture_it_stays_as_it_is(level: float) -> None:
 def test_the_thresholds_themselves_change_nothing() -> None:
     assert auto(ON_BELOW, 0.0) == 0.0
     assert auto(OFF_ABOVE, 1.0) == 1.0
+
+
+def watched(levels_and_brightness):
+    """Show the watch (level, brightness) each 40 ms; returns when lamp.dead was told, by tick."""
+    watch = LampWatch()
+    told = []
+    for index, (level, brightness) in enumerate(levels_and_brightness):
+        now = 0.04 * index
+        watch.note(level, brightness, now, now)
+        told.append([fault.key for fault in watch.faults(now)])
+    return told
+
+
+def test_a_lamp_that_lights_the_room_is_no_fault():
+    assert not any(watched([(0.0, 12.0)] * 10 + [(1.0, 70.0)] * 60))
+
+
+def test_a_lamp_that_was_switched_on_and_gives_no_light_is_told_within_two_seconds():
+    told = watched([(0.0, 12.0)] * 10 + [(1.0, 12.0)] * 50)
+    assert told[-1] == ["lamp.dead"]
+    assert told.index(["lamp.dead"]) < 10 + 50
+
+
+def test_a_lamp_that_dies_while_it_burns_is_told_and_its_return_too():
+    told = watched([(1.0, 70.0)] * 20 + [(1.0, 12.0)] * 40 + [(1.0, 70.0)] * 5)
+    assert told[59] == ["lamp.dead"]
+    assert told[-1] == []
+
+
+def test_turning_slowly_into_the_dark_is_no_dead_lamp():
+    assert not any(watched([(1.0, 70.0 * 0.97**index) for index in range(100)]))
+
+
+def test_in_a_bright_room_nothing_can_be_told():
+    assert not any(watched([(0.0, 120.0)] * 5 + [(1.0, 121.0)] * 60))

@@ -7,7 +7,8 @@ from robot.chart import RobotChart
 from robot.clock import SteppedClock
 from robot.guard import GuardLimits
 from robot.hal.mock import MockBase, MockCamera, MockHead, MockLamp, MockTeleop
-from robot.loop import Devices, Loop, LoopSettings
+from robot.loop import Loop
+from robot.loop_interfaces import Devices, LoopSettings
 from robot.messages import (
     Clearance,
     Command,
@@ -18,6 +19,7 @@ from robot.messages import (
     HeadPose,
     Health,
     Intent,
+    Near,
     Percepts,
     TeleopInput,
     Timed,
@@ -90,11 +92,11 @@ class StraightBody:
 class Bench:
     """A robot of mocks, steppable."""
 
-    def __init__(self, *words, watched=()):
+    def __init__(self, *words, watched=(), near=None):
         picture = np.full((8, 8, 3), 90, np.uint8)
         self.clock = SteppedClock()
         self.camera = MockCamera([(picture, picture)])
-        self.base, self.teleop = MockBase(), MockTeleop(words)
+        self.base, self.teleop, self.lamp = MockBase(), MockTeleop(words), MockLamp()
         self.perception = ScriptedPerception()
         names = ("idle", "search", "recognize", "range", "track", "avoid", "teleop", "halted")
         self.states = {name: ScriptedState() for name in names}
@@ -102,7 +104,7 @@ class Bench:
         self.ticks = []
         self.loop = Loop(
             self.clock,
-            Devices(self.camera, MockHead(), MockLamp(), self.base, self.teleop),
+            Devices(self.camera, MockHead(), self.lamp, self.base, self.teleop, near),
             self.perception,
             self.chart,
             self.states,
@@ -293,3 +295,104 @@ def test_what_is_watched_beside_the_devices_is_told_as_a_fault():
     bench = Bench(watched=[lambda now: (Fault("recorder", "full", now),)])
     assert [fault.key for fault in bench.run(2).faults] == ["recorder.full"]
     assert bench.run(2).state == "idle"
+
+
+# ------------------------------------------------------------- a person and broken eyes, late ticks
+
+
+@pytest.mark.parametrize("kind", ["black", "swapped", "size"])
+def test_a_person_drives_on_blind_when_the_cameras_are_dead(kind):
+    bench = Bench().in_state("armed")
+    bench.perception.fault = kind
+    bench.run(3)
+    bench.teleop.say(TeleopInput(at=bench.clock.now() + 0.04, take=True))
+    assert bench.run(2).state == "teleop"
+    for _ in range(10):
+        bench.teleop.say(TeleopInput(at=bench.clock.now() + 0.04, v=1.0))
+        tick = bench.run()
+    assert tick.state == "teleop"
+    assert tick.sent.twist.v == pytest.approx(0.08)
+    assert "blind" in tick.sent.limited_by
+    assert any("you drive" in line and f"camera.{kind}" in line for line in bench.teleop.lines)
+
+
+def test_a_broken_teleop_link_stops_and_never_gives_back_to_autonomy():
+    bench = Bench().in_state("armed")
+    bench.teleop.say(TeleopInput(at=bench.clock.now() + 0.04, take=True, kind="keys"))
+    assert bench.run(2).state == "teleop"
+    bench.teleop.say(TeleopInput(at=bench.clock.now() + 0.04, v=1.0, kind="keys"))
+    assert bench.run(2).sent.twist.v > 0.0
+    bench.teleop.fail("latest", "link")
+    tick = bench.run(2)
+    assert tick.sent.twist.is_zero
+    assert {"teleop.silent", "teleop.link"} <= {fault.key for fault in tick.faults}
+    assert bench.run(200).state == "teleop"
+
+
+def test_a_person_may_say_stop_while_driving_and_must_let_go_first():
+    bench = Bench().in_state("armed")
+    bench.teleop.say(TeleopInput(at=bench.clock.now() + 0.04, take=True))
+    bench.run(2)
+
+    def say(ticks, **word):
+        for _ in range(ticks):
+            bench.teleop.say(TeleopInput(at=bench.clock.now() + 0.04, **word))
+            tick = bench.run()
+        return tick.sent.twist.v
+
+    assert say(5, v=1.0) > 0.0
+    assert say(1, v=1.0, stop=True) == 0.0
+    assert say(5, v=1.0) == 0.0
+    assert say(1) == 0.0
+    assert say(2, v=1.0) > 0.0
+
+
+def test_late_ticks_are_told():
+    bench = Bench().in_state("armed")
+    for _ in range(2):
+        bench.clock.step()
+        bench.clock.step()
+        tick = bench.run()
+    assert "loop.late" in {fault.key for fault in tick.faults}
+    assert "loop.late" not in {fault.key for fault in bench.run(40).faults}
+
+
+class ScriptedNear:
+    """Bumper and sonar by hand."""
+
+    def __init__(self):
+        self.bumped = False
+
+    def read(self, now):
+        return Near(now, self.bumped)
+
+    def faults(self, now):
+        return ()
+
+    def close(self):
+        pass
+
+
+def test_the_bumper_stops_autonomy_and_lets_a_person_drive_back():
+    near = ScriptedNear()
+    bench = Bench(near=near).in_state("armed")
+    assert bench.run(10).sent.twist.v > 0.0
+    near.bumped = True
+    tick = bench.run()
+    assert tick.sent.twist.is_zero
+    assert "near.bump" in {fault.key for fault in tick.faults}
+    bench.teleop.say(TeleopInput(at=bench.clock.now() + 0.04, take=True))
+    bench.run(2)
+    for v, moves in ((1.0, False), (-1.0, True)):
+        for _ in range(3):
+            bench.teleop.say(TeleopInput(at=bench.clock.now() + 0.04, v=v))
+            tick = bench.run()
+        assert (tick.sent.twist.v != 0.0) is moves
+
+
+def test_closing_stops_the_wheels_and_puts_the_lamp_out():
+    bench = Bench().in_state("armed")
+    bench.run(5)
+    bench.loop.close()
+    assert bench.base.calls[-1].method == "stop"
+    assert bench.lamp.calls[-1].args == (0.0,)
