@@ -21,16 +21,18 @@ from robot.app import build_loop, build_perception, nominal_rig
 from robot.clock import MonotonicClock
 from robot.config import Config, load
 from robot.errors import UserError
-from robot.hal.factory import open_hardware
+from robot.hal.factory import open_hardware, reach_of
+from robot.hal.hardware import behind_workers
+from robot.hal.interfaces import WaitsForPictures
 from robot.hal.rectified import RectifiedCamera
 from robot.loop_interfaces import Devices
 from robot.messages import Fault, Tick
+from robot.pacing import PERIOD, Pacer, WaitForPicture
 from robot.record.recorder import Recorder, tick_ms
 from robot.record.run_folder import RunFolder
 from robot.rig_file import load_rig
 from robot.workers import ThreadWorker
 
-PERIOD = 0.04
 TIMED_TICKS = 15_000  # the report's tick times are those of the last ten minutes
 DONE, HARDWARE_FAULT = 0, 3
 
@@ -61,24 +63,26 @@ def run_until(stop: threading.Event, config_path: Path, root: Path, duration: fl
     target = model_file.load(model_path(config, config_path))
     straight = rectifier(rig_of(config))
     with ExitStack() as closing:  # last opened, first closed: the wheels stand before anything else goes
-        hardware = open_hardware(config)
+        clock = MonotonicClock()
+        hardware = behind_workers(open_hardware(config, clock), reach_of(config), clock)
         closing.callback(hardware.close)
         folder = RunFolder.create(root, datetime.now())
         closing.callback(folder.close)
-        clock = MonotonicClock()
         perception = build_perception(
             config, straight.rig, target.recognizer, ThreadWorker(clock), target.height_m
         )
         closing.callback(perception.close)
         announce = Announcer(console)
         camera = RectifiedCamera(hardware.camera, straight)
-        devices = Devices(camera, hardware.head, hardware.lamp, hardware.base, hardware.teleop)
+        devices = Devices(camera, hardware.head, hardware.lamp, hardware.base, hardware.teleop, hardware.near)
         observers: list[Callable[[Tick], None]] = [Recorder(folder.open_events()), announce]
         loop = build_loop(config, devices, perception, clock, observers, [folder.recording.faults])
         closing.callback(loop.close)
         words = f"running, {PERIOD * 1e3:.0f} ms a tick; Ctrl-C ends it; record in {folder.path}"
         console.print(words, soft_wrap=True, markup=False)
-        seconds = tick_until(loop, stop, duration)
+        eyes = hardware.camera
+        wait = eyes.wait_newer if isinstance(eyes, WaitsForPictures) else None
+        seconds = tick_until(loop, stop, duration, wait)
         folder.write_report(report(announce, clock.now(), seconds))
     return HARDWARE_FAULT if announce.halted else DONE
 
@@ -120,16 +124,21 @@ def stopped_by_signals(stop: threading.Event) -> Iterator[None]:
             signal.signal(number, handler)
 
 
-def tick_until(loop: Ticks, stop: threading.Event, duration: float | None) -> Sequence[float]:
-    """Tick at a steady rate; a tick that comes late is not made up for. Returns the newest ticks' seconds."""
-    begun = due = time.monotonic()
+def tick_until(
+    loop: Ticks,
+    stop: threading.Event,
+    duration: float | None,
+    wait_for_picture: WaitForPicture | None = None,
+) -> Sequence[float]:
+    """Tick at the pacer's rate until told to stop. Returns the newest ticks' seconds."""
+    begun = time.monotonic()
+    pacer = Pacer(stop, wait_for_picture)
     seconds: deque[float] = deque(maxlen=TIMED_TICKS)
     while not stop.is_set() and (duration is None or time.monotonic() - begun < duration):
         start = time.perf_counter()
         loop.tick()
         seconds.append(time.perf_counter() - start)
-        due = max(due + PERIOD, time.monotonic())
-        stop.wait(due - time.monotonic())
+        pacer.pause()
     return list(seconds)
 
 

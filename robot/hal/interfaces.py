@@ -42,6 +42,15 @@ class StereoCamera(Device, Protocol):
 
 
 @runtime_checkable
+class WaitsForPictures(Protocol):
+    """A camera with a thread of its own, that can wake whoever waits for the next pair."""
+
+    def wait_newer(self, timeout: float) -> bool:
+        """Wait until there is a pair newer than the one last shown; False after `timeout` seconds."""
+        ...
+
+
+@runtime_checkable
 class PanTilt(Device, Protocol):
     """The head. Pan positive left, tilt positive down, radians."""
 

@@ -81,7 +81,21 @@ def test_the_folder_camera_opens_with_the_configured_size(tmp_path: Path) -> Non
     [
         ({"cameras": Cameras(driver="folder")}, r"cameras\.left is empty"),
         ({"cameras": Cameras(driver="folder", left="/no/such")}, "cameras: /no/such is not a folder"),
-        ({"cameras": Cameras(driver="v4l2")}, r"cameras\.driver = 'v4l2' is not there.*mock or folder"),
+        ({"cameras": Cameras(driver="v4l2")}, r"cameras\.left is empty: name the left eye"),
+        ({"cameras": Cameras(driver="v4l2", left="/dev/video-none")}, "cameras: .*/dev/video-none"),
+        ({"cameras": Cameras(driver="video", left="/no/such.avi")}, r"cameras: .*/no/such\.avi"),
+        ({"cameras": Cameras(driver="x")}, r"cameras\.driver = 'x' is no driver"),
+        ({"head": Head(driver="nxt-pan")}, "head: .*pan_motor C drives a wheel"),
+        ({"head": Head(driver="nxt-pan", pan_motor="A")}, "head: .*base.driver is 'mock'"),
+        ({"head": Head(driver="uvc", device="/dev/video-none")}, "head: .*/dev/video-none"),
+        ({"base": Base(bumper_ports="1")}, "base.bumper_ports.*base.driver is 'mock'"),
+        ({"lamp": LampSettings(driver="sysfs")}, r"lamp\.device is empty"),
+        ({"lamp": LampSettings(driver="sysfs", device="no-such-led")}, "lamp: .*no-such-led"),
+        ({"lamp": LampSettings(driver="modbus", device="127.0.0.1:1")}, "lamp: .*127.0.0.1:1"),
+        ({"arm": ArmSettings(driver="modbus")}, "arm: .*no address"),
+        ({"arm": ArmSettings(driver="modbus", address="127.0.0.1:1")}, "arm: .*127.0.0.1:1"),
+        ({"teleop": TeleopSettings(driver="serial")}, r"teleop\.port is empty"),
+        ({"teleop": TeleopSettings(driver="serial", port="/dev/tty-none")}, "teleop: .*/dev/tty-none"),
         ({"base": Base(driver="nxt-serial")}, r"base\.port is empty"),
         ({"base": Base(driver="nxt-serial", port="/dev/rfcomm-none")}, "base: .*/dev/rfcomm-none"),
         ({"base": Base(driver="nxt-usb", left_motor="C")}, "both C"),
@@ -107,19 +121,19 @@ def test_a_brick_that_is_not_there_is_told(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_what_was_opened_is_closed_when_a_later_device_fails(monkeypatch: pytest.MonkeyPatch) -> None:
-    opened: list[MockCamera | MockHead | MockLamp] = []
+    opened: list[MockBase | MockHead | MockLamp] = []
 
     def keeping(open_one):  # type: ignore[no-untyped-def]
-        def keep(settings):  # type: ignore[no-untyped-def]
-            opened.append(open_one(settings))
+        def keep(*args):  # type: ignore[no-untyped-def]
+            opened.append(open_one(*args))
             return opened[-1]
 
         return keep
 
-    for name in ("open_camera", "open_head", "open_lamp"):
+    for name in ("open_base", "open_head", "open_lamp"):
         monkeypatch.setattr(factory, name, keeping(getattr(factory, name)))
     with pytest.raises(UserError):
-        open_hardware(changed(Config(), base=Base(driver="nxt-serial")))
+        open_hardware(changed(Config(), cameras=Cameras(driver="folder")))
     assert [device.closed for device in opened] == [1, 1, 1]
 
 
@@ -154,4 +168,4 @@ def test_the_figures_of_the_config_reach_the_driver() -> None:
     assert (figures.speed_limit, figures.turn_limit) == (0.1, pytest.approx(math.pi / 2))
     assert figures.wheel.pulse_s == 0.2
     assert (figures.left_port, figures.right_port) == (0, 1)
-    assert figures.exchange_period_s == BLUETOOTH.exchange_period_s > USB.exchange_period_s
+    assert figures.pace == BLUETOOTH.pace != USB.pace

@@ -3,30 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Final
 
+from robot.hal.head_limits import DEFAULT_LIMITS, HeadLimits
 from robot.hal.mock.script import Mock
 from robot.messages import HeadPose
-
-
-@dataclass(frozen=True, slots=True)
-class HeadLimits:
-    """Largest angles in radians (pan to either side, tilt up, tilt down) and the servos' rate in rad/s."""
-
-    pan: float = math.radians(80.0)
-    tilt_up: float = math.radians(20.0)
-    tilt_down: float = math.radians(50.0)
-    rate: float = math.radians(180.0)
-
-    def applied(self, pose: HeadPose) -> HeadPose:
-        """The nearest pose within the limits; an angle that is no number becomes 0."""
-        return HeadPose(
-            _within(pose.pan, -self.pan, self.pan), _within(pose.tilt, -self.tilt_up, self.tilt_down)
-        )
-
-
-DEFAULT_LIMITS: Final = HeadLimits()
 
 
 class MockHead(Mock):
@@ -59,10 +39,6 @@ class MockHead(Mock):
                 _towards(self._at.pan, self._goal.pan, step), _towards(self._at.tilt, self._goal.tilt, step)
             )
             self._time = now
-
-
-def _within(value: float, low: float, high: float) -> float:
-    return 0.0 if math.isnan(value) else max(low, min(high, value))
 
 
 def _towards(value: float, goal: float, step: float) -> float:
