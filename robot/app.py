@@ -8,12 +8,15 @@ from collections.abc import Callable, Sequence
 import cv2
 
 from calib.model import HeadMount, StereoRig
+from robot.arm_guard import ArmGuardSettings
+from robot.arm_keeper import ArmKeeper
 from robot.body.wheels import WheelsBody, WheelsSettings
 from robot.chart import RobotChart
 from robot.clock import Clock
 from robot.config import Config
 from robot.fault_watch import FaultSource
 from robot.guard import GuardLimits
+from robot.hal.hardware import Hardware
 from robot.looker import Recognizes
 from robot.loop import Loop
 from robot.loop_interfaces import Devices, LoopSettings
@@ -52,6 +55,24 @@ def stepped_worker(config: Config, slow: float = 1.0) -> SteppedWorker:
     return SteppedWorker({name: getattr(config.vision, name).cost_s for name in STAGES}, slow)
 
 
+def devices_of(config: Config, hardware: Hardware) -> Devices:
+    """What the loop reads and moves, out of all that is open."""
+    arm = config.arm
+    keeper = None
+    if hardware.arm is not None:
+        settings = ArmGuardSettings(slow_from=arm.slow_from_m, stop_at=arm.stop_at_m)
+        keeper = ArmKeeper(hardware.arm, settings, arm.forward_m, arm.left_m)
+    return Devices(
+        hardware.camera,
+        hardware.head,
+        hardware.lamp,
+        hardware.base,
+        hardware.teleop,
+        hardware.near,
+        keeper,
+    )
+
+
 def build_states(config: Config, obstacle_map: ObstacleMap) -> dict[str, State]:
     """One object a state, by the chart's names."""
     behaviour = Behaviour(
@@ -88,6 +109,7 @@ def loop_settings(config: Config) -> LoopSettings:
             latency=safety.actuation_latency_s,
             free_space_max_age=safety.free_space_max_age_s,
             blind_speed=config.teleop.blind_speed_m_s,
+            sonar_inset=max(0.0, base.radius_m - base.sonar_forward_m),
         ),
         frame_max_age=safety.frame_max_age_s,
         teleop_timeout=config.teleop.timeout_s,

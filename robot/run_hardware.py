@@ -8,6 +8,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import Protocol
@@ -17,7 +18,7 @@ from rich.console import Console
 from calib.model import StereoRig
 from calib.rectify import rectifier
 from robot import __version__, faults, model_file
-from robot.app import build_loop, build_perception, nominal_rig
+from robot.app import build_loop, build_perception, devices_of, nominal_rig
 from robot.clock import MonotonicClock
 from robot.config import Config, load
 from robot.errors import UserError
@@ -25,7 +26,6 @@ from robot.hal.factory import open_hardware, reach_of
 from robot.hal.hardware import behind_workers
 from robot.hal.interfaces import WaitsForPictures
 from robot.hal.rectified import RectifiedCamera
-from robot.loop_interfaces import Devices
 from robot.messages import Fault, Tick
 from robot.pacing import PERIOD, Pacer, WaitForPicture
 from robot.record.recorder import Recorder, tick_ms
@@ -74,7 +74,7 @@ def run_until(stop: threading.Event, config_path: Path, root: Path, duration: fl
         closing.callback(perception.close)
         announce = Announcer(console)
         camera = RectifiedCamera(hardware.camera, straight)
-        devices = Devices(camera, hardware.head, hardware.lamp, hardware.base, hardware.teleop, hardware.near)
+        devices = devices_of(config, replace(hardware, camera=camera))
         observers: list[Callable[[Tick], None]] = [Recorder(folder.open_events()), announce]
         loop = build_loop(config, devices, perception, clock, observers, [folder.recording.faults])
         closing.callback(loop.close)
