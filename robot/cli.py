@@ -78,7 +78,12 @@ def demo(seed: int, video: bool) -> int:
     "faults",
     multiple=True,
     metavar="DEVICE.KIND@TIME[:DURATION]",
-    help="Break a simulated device, e.g. camera.black@5:2.",
+    help="Break a simulated or a mock device, e.g. camera.black@5:2; repeatable.",
+)
+@click.option(
+    "--wire",
+    is_flag=True,
+    help="Simulated room in a second process, in real time, over real links to the drivers.",
 )
 @click.option("--duration", type=click.FloatRange(min=0.1), help="Stop a hardware run after so many seconds.")
 def run(**options: Any) -> int:
@@ -88,11 +93,13 @@ def run(**options: Any) -> int:
             raise UserError(
                 "nothing to run: give --config FILE for the hardware or --sim SCENE for a simulated room"
             )
-        if options["faults"]:
-            raise UserError("--fault breaks simulated devices only: add --sim SCENE")
+        if options["wire"]:
+            raise UserError("--wire is for simulated rooms: add --sim SCENE")
         from robot.run_hardware import run_hardware
 
-        return run_hardware(options["config_path"], Path("runs"), options["duration"])
+        return run_hardware(options["config_path"], Path("runs"), options["duration"], options["faults"])
+    if options["wire"] and (options["video"] or options["slow"] != 1.0 or options["jobs"] != 1):
+        raise UserError("--wire runs in real time, one run at a time: without --video, --slow and --jobs")
     if options["duration"] is not None:
         raise UserError("--duration is for hardware runs: a scene's own duration_s ends a simulated one")
     from robot import missions
@@ -107,7 +114,21 @@ def run(**options: Any) -> int:
         options["slow"],
         options["faults"],
         options["config_path"],
+        options["wire"],
     )
+
+
+@commands.command()
+@click.argument("port")
+@click.option("--baud", default=115200, show_default=True, help="Rate of the serial line.")
+@click.option(
+    "--gamepad/--no-gamepad", default=True, show_default=True, help="Use a gamepad if there is one."
+)
+def teleop(port: str, baud: int, gamepad: bool) -> int:
+    """Drive the robot over the serial line PORT, e.g. /dev/ttyUSB0, with keys or a gamepad."""
+    from robot.teleop_client import run_teleop
+
+    return run_teleop(port, gamepad, baud)
 
 
 @commands.command()

@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 import multiprocessing
 import os
-import re
 import sys
+import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from datetime import datetime
@@ -19,10 +19,12 @@ from rich.table import Table
 
 from robot import model_file, taught
 from robot.errors import UserError
+from robot.faults import TABLE
 from robot.run_recorded import SimJob, run_recorded
 from robot.run_sim import SimOptions
+from robot.sim.injected import KINDS, InjectedFault
 from robot.sim.scene import Scene, load_scene, shipped_scenes
-from robot.sim.world import InjectedFault
+from robot.told_faults import ToldFault, split_fault
 
 RUNS = Path("runs")
 DONE, FAILED = 0, 1
@@ -48,17 +50,18 @@ def run_sim(
     slow: float,
     faults: Sequence[str],
     config: Path | None,
+    wire: bool = False,
 ) -> int:
-    """Run scenes with seeds; a table for people, JSON for programs."""
+    """Run scenes with seeds; a table for people, JSON for programs. wire: in real time, over real links."""
     console = _console()
     names = shipped_scenes() if scene == "all" else (scene,)
-    options = SimOptions(slow, tuple(parse_fault(text) for text in faults))
+    options = SimOptions(slow, *parse_faults(faults))
     work = [
         _job(load_scene(name), name, seed, options, video, config, console)
         for name in names
         for seed in seeds
     ]
-    reports = list(_run_all(work, jobs, console))
+    reports = list(_run_wired(work, console) if wire else _run_all(work, jobs, console))
     if as_json:
         json.dump(reports[0] if len(reports) == 1 else {"runs": reports}, sys.stdout, indent=2)
         print()
@@ -75,16 +78,28 @@ def _console() -> Console:
     return console if console.is_terminal else Console(stderr=True, width=TABLE_WIDTH)
 
 
-def parse_fault(text: str) -> InjectedFault:
-    """A fault to inject from 'device.kind@time[:duration]'. Raises UserError."""
-    match = re.fullmatch(r"(\w+)\.(\w+)@(\d+\.?\d*)(?::(\d+\.?\d*))?", text)
-    if match is None:
-        raise UserError(f"--fault {text!r}: write DEVICE.KIND@TIME[:DURATION], e.g. camera.black@5:2")
-    device, kind, at, duration = match.groups()
+def parse_faults(texts: Sequence[str]) -> tuple[tuple[InjectedFault, ...], tuple[ToldFault, ...]]:
+    """What is to be broken, and what can only be told. Raises UserError."""
+    faults = [parse_fault(text) for text in texts]
+    broken = tuple(fault for fault in faults if isinstance(fault, InjectedFault))
+    return broken, tuple(fault for fault in faults if isinstance(fault, ToldFault))
+
+
+def parse_fault(text: str) -> InjectedFault | ToldFault:
+    """A fault from 'device.kind@time[:duration]': broken if the simulated world can, else only told.
+
+    Raises UserError.
+    """
+    device, kind, at, duration = split_fault(text)
     try:
-        return InjectedFault(device, kind, float(at), float(duration) if duration else None)
-    except ValueError as error:
+        if kind in KINDS.get(device, ()):
+            return InjectedFault(device, kind, at, duration)
+        if f"{device}.{kind}" in TABLE:
+            return ToldFault(device, kind, at, duration)
+    except UserError as error:
         raise UserError(f"--fault {text!r}: {error}") from None
+    there = {f"{name}.{each}" for name, kinds in KINDS.items() for each in kinds} | TABLE.keys()
+    raise UserError(f"--fault {text!r}: no such fault; there are: {', '.join(sorted(there))}")
 
 
 def _job(
@@ -132,6 +147,21 @@ def _run_all(work: Sequence[SimJob], jobs: int, console: Console) -> Iterator[di
                 progress.update(bar, advance=1, words=words)
         for future in futures:
             yield future.result()
+
+
+def _run_wired(work: Sequence[SimJob], console: Console) -> Iterator[dict[str, Any]]:
+    """One run after the other in real time; SIGTERM and Ctrl-C end the present one and those to come."""
+    from robot.run_hardware import stopped_by_signals
+    from robot.run_wire import run_wire
+
+    started = datetime.now()
+    stop = threading.Event()
+    with stopped_by_signals(stop):
+        for job in work:
+            console.print(f"{job.scene}, seed {job.seed}: in real time ...", soft_wrap=True)
+            yield run_wire(job, RUNS, started, None, stop)
+            if stop.is_set():
+                return
 
 
 def _print_outcome(report: dict[str, Any], console: Console) -> None:

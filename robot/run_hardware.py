@@ -31,6 +31,7 @@ from robot.pacing import PERIOD, Pacer, WaitForPicture
 from robot.record.recorder import Recorder, tick_ms
 from robot.record.run_folder import RunFolder
 from robot.rig_file import load_rig
+from robot.told_faults import Drill, ToldFault, parse_told
 from robot.workers import ThreadWorker
 
 TIMED_TICKS = 15_000  # the report's tick times are those of the last ten minutes
@@ -45,21 +46,26 @@ class Ticks(Protocol):
         ...
 
 
-def run_hardware(config_path: Path, root: Path, duration: float | None) -> int:
+def run_hardware(config_path: Path, root: Path, duration: float | None, drills: Sequence[str] = ()) -> int:
     """Run until a signal or `duration` seconds; 0, or 3 if it ended halted by a fault.
+
+    drills: faults of mock devices to be told, DEVICE.KIND@TIME[:DURATION].
 
     Raises UserError, before a device moves and without leaving a run folder, for a config, model or
     calibration that cannot be used and for a device that is not there.
     """
     stop = threading.Event()
     with stopped_by_signals(stop):
-        return run_until(stop, config_path, root, duration)
+        return run_until(stop, config_path, root, duration, drills)
 
 
-def run_until(stop: threading.Event, config_path: Path, root: Path, duration: float | None) -> int:
+def run_until(
+    stop: threading.Event, config_path: Path, root: Path, duration: float | None, drills: Sequence[str] = ()
+) -> int:
     """Like `run_hardware`, but ended by `stop`."""
     console = Console(stderr=True)
     config = load(config_path)
+    drill = Drill([mock_fault(text, config) for text in drills])
     target = model_file.load(model_path(config, config_path))
     straight = rectifier(rig_of(config))
     with ExitStack() as closing:  # last opened, first closed: the wheels stand before anything else goes
@@ -76,7 +82,8 @@ def run_until(stop: threading.Event, config_path: Path, root: Path, duration: fl
         camera = RectifiedCamera(hardware.camera, straight)
         devices = devices_of(config, replace(hardware, camera=camera))
         observers: list[Callable[[Tick], None]] = [Recorder(folder.open_events()), announce]
-        loop = build_loop(config, devices, perception, clock, observers, [folder.recording.faults])
+        watched = [folder.recording.faults, drill.faults]
+        loop = build_loop(config, devices, perception, clock, observers, watched)
         closing.callback(loop.close)
         words = f"running, {PERIOD * 1e3:.0f} ms a tick; Ctrl-C ends it; record in {folder.path}"
         console.print(words, soft_wrap=True, markup=False)
@@ -85,6 +92,18 @@ def run_until(stop: threading.Event, config_path: Path, root: Path, duration: fl
         seconds = tick_until(loop, stop, duration, wait)
         folder.write_report(report(announce, clock.now(), seconds))
     return HARDWARE_FAULT if announce.halted else DONE
+
+
+def mock_fault(text: str, config: Config) -> ToldFault:
+    """A drill from 'device.kind@time[:duration]'. Raises UserError if the device is a real one."""
+    fault = parse_told(text)
+    section = {"camera": "cameras", "near": "base"}.get(fault.device, fault.device)
+    settings = getattr(config, section, None)
+    if settings is not None and settings.driver != "mock":
+        raise UserError(
+            f"--fault {text!r}: {section}.driver is {settings.driver!r}; only mock and simulated devices break"
+        )
+    return fault
 
 
 def model_path(config: Config, config_path: Path) -> Path:

@@ -10,6 +10,7 @@ import msgspec
 from robot.app import build_loop, build_perception, nominal_rig, stepped_worker
 from robot.clock import SteppedClock
 from robot.config import Config
+from robot.fault_watch import FaultSource
 from robot.hal.factory import nxt_settings
 from robot.hal.links import MemoryLink
 from robot.hal.nxt.base import NxtBase
@@ -20,9 +21,11 @@ from robot.loop import Loop
 from robot.loop_interfaces import Devices
 from robot.messages import Box, Tick
 from robot.perception import Perception
+from robot.sim.injected import InjectedFault
 from robot.sim.referee import Claim, Referee
 from robot.sim.scene import Scene
-from robot.sim.world import InjectedFault, World
+from robot.sim.world import World
+from robot.told_faults import Drill, ToldFault
 from robot.workers import Worker
 
 CLAIMING = ("range", "track", "avoid")
@@ -30,10 +33,11 @@ CLAIMING = ("range", "track", "avoid")
 
 @dataclass(frozen=True, slots=True)
 class SimOptions:
-    """How a run differs from the plain one: slower vision, broken devices."""
+    """How a run differs from the plain one: slower vision, broken devices, drills."""
 
     slow: float = 1.0
     faults: tuple[InjectedFault, ...] = ()
+    told: tuple[ToldFault, ...] = ()
 
 
 class Claims:
@@ -87,6 +91,7 @@ class SimRun:
         observers: Sequence[Callable[[Tick], None]] = (),
         worker: Worker | None = None,
         height_m: float | None = None,
+        watched: Sequence[FaultSource] = (),
     ) -> None:
         options = options or SimOptions()
         self.config = armed(config or Config(), scene, seed)
@@ -102,7 +107,10 @@ class SimRun:
         )
         self._claims = Claims()
         self.devices = open_simulated(self.world, self.config)
-        self.loop: Loop = build_loop(self.config, self.devices, self.perception, self.clock, observers)
+        sources = [*watched, Drill(options.told).faults]
+        self.loop: Loop = build_loop(
+            self.config, self.devices, self.perception, self.clock, observers, sources
+        )
 
     @property
     def done(self) -> bool:
