@@ -101,7 +101,7 @@ def mock_fault(text: str, config: Config) -> ToldFault:
     settings = getattr(config, section, None)
     if settings is not None and settings.driver != "mock":
         raise UserError(
-            f"--fault {text!r}: {section}.driver is {settings.driver!r}; only mock and simulated devices break"
+            f"--fault {text!r}: {section}.driver is {settings.driver!r}; only mocks and simulated ones break"
         )
     return fault
 

@@ -168,7 +168,9 @@ def test_a_missing_config_says_how_to_get_one(robot: Shell) -> None:
         (("look", "a.png", "b.png"), "--calib"),
         (("teach", "--from", "x"), "--name"),
         (("run",), "--config FILE"),
-        (("run", "--config", "robot.toml", "--fault", "camera.black@1"), "--sim"),
+        (("run", "--config", "robot.toml", "--wire"), "--sim"),
+        (("run", "--sim", "standing", "--wire", "--slow", "2"), "in real time"),
+        (("teleop", "/dev/tty-none"), "terminal"),
         (("run", "--sim", "standing", "--duration", "3"), "duration_s"),
     ],
 )

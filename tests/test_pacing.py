@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from itertools import pairwise
 
 import pytest
 
@@ -40,7 +41,7 @@ class Time:
             begun.append(self.now)
             self.now += work
             pacer.pause()
-        return [b - a for a, b in zip(begun, begun[1:], strict=False)]
+        return [b - a for a, b in pairwise(begun)]
 
 
 def test_without_a_camera_to_wait_for_ticks_come_at_an_even_rate(monkeypatch: pytest.MonkeyPatch) -> None:

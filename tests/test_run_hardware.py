@@ -112,6 +112,30 @@ def test_a_fault_that_halts_ends_with_code_3_and_its_cure(
     assert "cameras.width_px" in capsys.readouterr().err
 
 
+def test_a_drill_on_mocks_is_told_and_judged_by_the_table(
+    tmp_path: Path, box_model: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = config_file(tmp_path, box_model)
+    assert run.run_until(threading.Event(), path, tmp_path / "runs", 0.5, ["base.stranded@0.1"]) == 3
+    assert "switch the brick off" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("drill", "words"),
+    [
+        ("base.stall@1", r"base\.driver is 'none'; only mocks and simulated ones break"),
+        ("base.tired@1", r"no such fault; there are: "),
+        ("base", r"write DEVICE\.KIND@TIME"),
+    ],
+)
+def test_a_drill_that_cannot_be_held_is_refused(
+    tmp_path: Path, box_model: Path, drill: str, words: str
+) -> None:
+    path = config_file(tmp_path, box_model, '[base]\ndriver = "none"\n')
+    with pytest.raises(UserError, match=words):
+        run.run_until(threading.Event(), path, tmp_path / "runs", 0.5, [drill])
+
+
 def test_being_told_to_stop_at_once_ticks_not_even_once(
     tmp_path: Path, box_model: Path, opened: list[Hardware]
 ) -> None:
