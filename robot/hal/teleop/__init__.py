@@ -1,0 +1,1 @@
+"""A person at the stick over one serial line: plain keys, binary frames and MAVLink on the same port."""
