@@ -1,0 +1,1 @@
+"""Two webcams as a stereo camera: V4L2 devices, MJPEG over HTTP, or video files."""
