@@ -11,10 +11,10 @@ from rigs_base import NxtRig
 from robot.config import Base
 from robot.hal.device_thread import Inline
 from robot.hal.factory import nxt_settings
+from robot.hal.head_limits import DEFAULT_LIMITS as HEAD_LIMITS
 from robot.hal.kinematics import limited
 from robot.hal.mock import MockArm, MockBase, MockHead, MockLamp, MockTeleop
 from robot.hal.mock.base import DEFAULT_LIMITS, DEFAULT_WHEELS
-from robot.hal.head_limits import DEFAULT_LIMITS as HEAD_LIMITS
 from robot.hal.nxt.settings import USB
 from robot.hal.threaded import ThreadedBase, ThreadedHead, ThreadedLamp, ThreadedTeleop
 from robot.hal.threaded_arm import ThreadedArm
