@@ -187,7 +187,7 @@ def open_lamp(config: Config, links: SharedLinks) -> LampDevice:
         return open_gpio_lamp(settings.device)
     from robot.hal.lamps.modbus_lamp import ModbusLamp
 
-    return ModbusLamp(links.modbus(settings.device), settings.coil)
+    return ModbusLamp(links.modbus(settings.device), settings.coil, config.arm.unit)
 
 
 # ------------------------------------------------------------------------------------------------- base

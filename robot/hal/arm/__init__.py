@@ -1,1 +1,1 @@
-"""Robot arm controller over Modbus: the driver's place. `hal.interfaces.Arm` and its mock are there."""
+"""A six-axis arm behind a controller that speaks Modbus."""
