@@ -162,6 +162,16 @@ def look(left: Path, right: Path, calibration: Path, target: Path | None, box: s
     return look_at(left, right, calibration, target, box, out)
 
 
+@commands.command("faults")
+@click.option("--json", "as_json", is_flag=True, help="Print the table as JSON.")
+def fault_table(as_json: bool) -> int:
+    """Print the fault table: every way a device can fail, what the robot does, and the cure."""
+    from robot import fault_page
+
+    click.echo(fault_page.as_json() if as_json else fault_page.as_text(), nl=False)
+    return DONE
+
+
 @commands.command()
 def chart() -> int:
     """Print the state chart as a mermaid diagram."""

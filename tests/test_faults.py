@@ -1,11 +1,12 @@
 """The fault table is total, and its words name a cure."""
 
+import json
 import re
 from pathlib import Path
 
 import pytest
 
-from robot import faults
+from robot import fault_page, faults
 from robot.faults import TABLE, Action
 from robot.messages import Fault
 
@@ -37,3 +38,19 @@ def test_the_strongest_action_wins():
 
 def test_an_unknown_fault_halts():
     assert faults.worst_action([Fault("base", "on_fire", 0)]) is Action.HALT
+
+
+def test_a_person_at_the_stick_drives_on_past_what_only_the_eyes_need():
+    assert faults.action(Fault("camera", "swapped", 0), "teleop") is Action.CARRY_ON
+    assert faults.action(Fault("camera", "swapped", 0), "track") is Action.HALT
+    assert faults.action(Fault("base", "stall", 0), "teleop") is Action.STOP
+    assert faults.action(Fault("arm", "stopped", 0), "teleop") is Action.HALT, "an emergency stop stops all"
+
+
+@pytest.mark.parametrize("key", TABLE)
+def test_the_page_shows_every_row_with_its_cure(key):
+    paragraph = next(each for each in fault_page.as_text().split("\n\n") if each.startswith(f"{key} "))
+    assert " ".join(TABLE[key].words.split()) in " ".join(paragraph.split())
+    assert TABLE[key].clears in " ".join(paragraph.split())
+    assert max(map(len, paragraph.splitlines())) <= 100
+    assert json.loads(fault_page.as_json())[key]["action"] == TABLE[key].action.name.lower()
