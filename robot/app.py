@@ -22,7 +22,7 @@ from robot.loop import Loop
 from robot.loop_interfaces import Devices, LoopSettings
 from robot.messages import Pose2, Tick
 from robot.nav.grid import MapSettings, ObstacleMap
-from robot.perception import STAGES, Perception
+from robot.perception import HANDS_WIDTH, STAGES, Perception
 from robot.states.avoid import Avoid
 from robot.states.behaviour import Behaviour, State
 from robot.states.halted import Halted
@@ -35,7 +35,6 @@ from robot.states.track import Track
 from robot.workers import SteppedWorker, Worker
 
 PLANNED_BESIDE = 0.03  # metres a planned way keeps beside the body: a little more than the guard insists on
-HANDS_WIDTH = 0.2  # metres about the robot that must be free where it is put down; its eyes cannot see there
 
 
 def nominal_rig(config: Config) -> StereoRig:

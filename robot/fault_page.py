@@ -38,7 +38,8 @@ def as_text() -> str:
 def _paragraph(key: str, row: Row) -> str:
     drive = "; a person may drive on" if row.person_may_drive and row.action is not Action.CARRY_ON else ""
     lines = [
-        f"{key:<20}noticed within {row.detection_s:g} s; the robot {_DOES[row.action]}{drive}",
+        f"{key:<20}noticed within {row.detection_s:g} s",
+        *_wrapped(f"the robot {_DOES[row.action]}{drive}"),
         *_wrapped(row.words),
         *_wrapped(f"over when: {row.clears}"),
     ]

@@ -52,6 +52,9 @@ class FaultWatch:
         silent: the person in charge has not been heard. near: bumper and sonar, if there are any.
         """
         found = [fault for source in self._sources for fault in source(now)]
+        if any(fault.device == "head" for fault in found):
+            # Eyes that point elsewhere than they are said to look like a base that was turned.
+            found = [fault for fault in found if fault.key != "base.moved"]
         found += self._dated("camera", self._picture_fault(now, percepts), now)
         found += self._dated("teleop", "silent" if silent else None, now)
         found += self._dated("near", "bump" if near is not None and near.bumped else None, now)

@@ -15,7 +15,8 @@ from robot.hal.factory import nxt_settings
 from robot.hal.links import MemoryLink
 from robot.hal.nxt.base import NxtBase
 from robot.hal.nxt.brick import Brick
-from robot.hal.nxt.settings import USB
+from robot.hal.nxt.near import NxtNear
+from robot.hal.nxt.settings import USB, USB_NEAR
 from robot.looker import Recognizes
 from robot.loop import Loop
 from robot.loop_interfaces import Devices
@@ -138,9 +139,16 @@ class SimRun:
 
 
 def open_simulated(world: World, config: Config) -> Devices:
-    """The world's devices; the base through the real NXT driver and the emulated brick."""
-    base = NxtBase(Brick(MemoryLink(world.brick.handle)), nxt_settings(config.base, USB))
-    return Devices(world.camera, world.head, world.lamp, base)
+    """The world's devices; base, bumper and sonar through the real NXT drivers and the emulated brick.
+
+    Its bumper is plugged into input 1, its sonar into input 4: they are used if the config names them.
+    """
+    brick = Brick(MemoryLink(world.brick.handle))
+    base = NxtBase(brick, nxt_settings(config.base, USB))
+    named = config.base.bumper_ports or config.base.sonar_port
+    figures = USB_NEAR.plugged(config.base.bumper_ports, config.base.sonar_port)
+    near = NxtNear(brick, figures) if named else None
+    return Devices(world.camera, world.head, world.lamp, base, near=near)
 
 
 def armed(config: Config, scene: Scene, seed: int) -> Config:

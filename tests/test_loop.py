@@ -97,14 +97,14 @@ class Bench:
         self.clock = SteppedClock()
         self.camera = MockCamera([(picture, picture)])
         self.base, self.teleop, self.lamp = MockBase(), MockTeleop(words), MockLamp()
-        self.perception = ScriptedPerception()
+        self.head, self.perception = MockHead(), ScriptedPerception()
         names = ("idle", "search", "recognize", "range", "track", "avoid", "teleop", "halted")
         self.states = {name: ScriptedState() for name in names}
         self.chart = RobotChart()
         self.ticks = []
         self.loop = Loop(
             self.clock,
-            Devices(self.camera, MockHead(), self.lamp, self.base, self.teleop, near),
+            Devices(self.camera, self.head, self.lamp, self.base, self.teleop, near),
             self.perception,
             self.chart,
             self.states,
@@ -345,6 +345,14 @@ def test_a_person_may_say_stop_while_driving_and_must_let_go_first():
     assert say(5, v=1.0) == 0.0
     assert say(1) == 0.0
     assert say(2, v=1.0) > 0.0
+
+
+def test_a_base_is_not_said_to_be_moved_while_the_head_is_at_fault():
+    bench = Bench().in_state("armed")
+    bench.perception.extra = (Fault("base", "moved", 0.1),)
+    assert "base.moved" in {fault.key for fault in bench.run().faults}
+    bench.head.fail("read", "stuck")
+    assert {fault.key for fault in bench.run().faults} == {"head.stuck"}
 
 
 def test_late_ticks_are_told():

@@ -33,12 +33,14 @@ from robot.sim.builder import (
 from robot.sim.cameras import EyeSettings, SimStereoCamera
 from robot.sim.eye_renderer import EyeRenderer
 from robot.sim.gl import mujoco
+from robot.sim.handling import Handling
 from robot.sim.head import SimHead
 from robot.sim.injected import InjectedFault, active_kinds, switch_base_faults
 from robot.sim.lamp import SimLamp
 from robot.sim.layout import Motion, draw_layout
 from robot.sim.motor import Motor
 from robot.sim.mover import Mover
+from robot.sim.near import NearFeelings
 from robot.sim.room import draw_room
 from robot.sim.scene import Scene
 
@@ -89,10 +91,12 @@ class World:
         )
         self.model.cam_fovy[:] = math.degrees(2 * math.atan(HEIGHT_PX / 2 / focal))
         self.data = mujoco.MjData(self.model)
+        self._handling = Handling(self.model)
         self._look_up()
         motors = (Motor(streams[3]), Motor(streams[4]))
         self._motors = motors
-        self.brick = BrickEmulator((None, motors[0], motors[1]), streams[5])
+        self._near = NearFeelings(self.model, self._base)
+        self.brick = BrickEmulator((None, motors[0], motors[1]), streams[5], sensors=self._near.sensors)
         self._sim_head, self._sim_lamp = SimHead(streams[6]), SimLamp()
         eyes = EyeSettings(self.layout.noise, self.layout.blur_px, self.layout.skew_s, self.layout.dropped)
         self._sim_camera = SimStereoCamera(self._render, WIDTH_PX, HEIGHT_PX, eyes, streams[7], streams[8])
@@ -134,11 +138,12 @@ class World:
 
     def step(self) -> None:
         """Let one control tick pass: 40 ms."""
-        touched: set[str] = set()
+        touched: dict[str, Array] = {}
         for _ in range(SUB_STEPS):
             self._physics()
             self._note_contacts(touched)
         self._touched = frozenset(touched)
+        self._near.feel(self.data, np.array(list(touched.values())).reshape(-1, 3))
         self._ticks += 1
         if self._mover is not None:
             robot = self.robot_pose
@@ -228,19 +233,22 @@ class World:
         self.brick.advance(TIMESTEP_S)
         for motor, (_, dof, actuator) in zip(self._motors, self._wheels, strict=True):
             data.ctrl[actuator] = motor.torque(float(data.qvel[dof]))
+        self._handling.act(data, TIMESTEP_S)
         mujoco.mj_step(self.model, data)
         for motor, (qpos, dof, _) in zip(self._motors, self._wheels, strict=True):
             motor.observe(float(data.qpos[qpos]), float(data.qvel[dof]))
 
-    def _note_contacts(self, touched: set[str]) -> None:
+    def _note_contacts(self, touched: dict[str, Array]) -> None:
+        """Add what is touched now, by name, and where."""
         geoms = self.data.contact.geom
         if not len(geoms):
             return
         robot = self._is_robot[geoms]
         odd = (robot.any(axis=1)) & ~self._is_floor[geoms].any(axis=1)
-        for first, second in geoms[odd]:
+        for index in np.flatnonzero(odd):
+            first, second = geoms[index]
             other = second if self._is_robot[first] else first
-            touched.add(self.model.geom(int(other)).name)
+            touched[self.model.geom(int(other)).name] = self.data.contact.pos[index].copy()
 
     def _end_tick(self) -> None:
         now = self.now
@@ -254,9 +262,10 @@ class World:
 
     def _break_devices(self, now: float) -> None:
         self._sim_camera.break_with(active_kinds(self._faults, "camera", now), now)
-        self._sim_head.stuck = "stuck" in active_kinds(self._faults, "head", now)
-        self._sim_lamp.dead = "dead" in active_kinds(self._faults, "lamp", now)
+        self._sim_head.break_with(active_kinds(self._faults, "head", now), now)
+        self._sim_lamp.break_with(active_kinds(self._faults, "lamp", now), now)
         base = active_kinds(self._faults, "base", now)
+        self._handling.set(base)
         if base != self._broken_base:
             switch_base_faults(self.brick, base - self._broken_base, self._broken_base - base)
             self._broken_base = base
