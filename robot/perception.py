@@ -6,18 +6,20 @@ The obstacle map is kept here because every look at the floor changes it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from calib.model import HeadMount, StereoRig
+from robot import displacement
 from robot.config import Config
-from robot.governor import StagePlan, governed_rates
+from robot.displacement import Displacement
 from robot.looker import Looker, Recognizes
 from robot.messages import (
     Clearance,
     Detection,
+    EgoMotion,
     Fault,
     FreeSpace,
     Health,
@@ -33,25 +35,19 @@ from robot.nav.grid import ObstacleMap
 from robot.target import TargetFollower, TargetSight
 from robot.target_range import TargetRanger
 from robot.vision import freespace, ground, health, passage
+from robot.vision.egomotion import EgoMotionEstimator
 from robot.vision.stereo import FloorAlignedMatcher, SemiGlobalMatcher
+from robot.vision_schedule import Budget, VisionSchedule
 from robot.workers import Job, Result, Worker
 
-STAGES = ("track", "free_space", "health", "ground", "recognize")
-ALWAYS = ("free_space", "health", "ground")
+STAGES = ("track", "free_space", "motion", "health", "ground", "recognize")
+ALWAYS = ("free_space", "motion", "health", "ground")
 CLEARANCE_RANGE = 1.5  # metres the guard looks ahead: farther than any stopping distance
 GRAZE_MARGIN = 0.02  # metres kept beside the body, a map cell's half
 FLOOR_MEMORY = 30.0  # seconds for which floor seen free stays known
+HANDS_WIDTH = 0.2  # metres about the robot that must be free where it is put down; its eyes cannot see there
+FRESH_BOX = 0.3  # seconds for which a track's box still says where the target is
 SEED_LIFE = 1.0  # seconds for which a detection may start a track
-BATCH_BUDGET = 0.039  # a batch takes no longer than one control tick, or the next frame's track comes late
-LOWEST_SHARE = {"track": 0.2, "recognize": 0.2, "ground": 0.25}  # what the governor leaves of each rate
-
-
-@dataclass(frozen=True, slots=True)
-class Budget:
-    """What the governor decided: the rates in force and whether they are below the wanted ones."""
-
-    rates_hz: Mapping[str, float]
-    lowered: bool
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,16 +89,16 @@ class Perception:
         ranger = TargetRanger(rig, mount, height_m)
         self._looker = Looker(rig, recognizer, ranger)
         self._follower = TargetFollower(rig, recognizer, ranger)
+        self._motion = EgoMotionEstimator(rig, mount)
+        self._displacement = Displacement()
         self._percepts = Percepts()
         self._seed: tuple[View, Detection] | None = None
-        self._last_start: dict[str, float] = {}
         self._previous: View | None = None
         self._swapped = False
         self._wants: frozenset[Want] = frozenset()
         self._late_since: float | None = None
         stages = {name: getattr(config.vision, name) for name in STAGES}
-        self._costs = {name: stage.cost_s for name, stage in stages.items()}
-        self._wanted_hz = {name: stage.rate_hz for name, stage in stages.items()}
+        self._schedule = VisionSchedule(stages, config.vision.max_load)
         self._errors: dict[str, Fault] = {}
 
     # ------------------------------------------------------------------------------------ in and out
@@ -116,9 +112,8 @@ class Perception:
             return
         # With exchanged eyes nothing may be measured; only whether they still are is looked at.
         active = ["health"] if self._swapped else self._active(wants)
-        stages = self._due(active, now)
-        for name in stages:
-            self._last_start[name] = now
+        stages = self._schedule.due(active, self.budget(wants).rates_hz, now)
+        self._schedule.begun(stages, now)
         if stages:
             self._worker.submit([Job(name, view, self._stage(name)) for name in stages], now)
 
@@ -128,6 +123,7 @@ class Perception:
             self._account(result)
             if result.error is None:
                 self._take(result)
+        self._judge_displacement(now)
         return self._percepts
 
     def forget_target(self) -> None:
@@ -136,27 +132,33 @@ class Perception:
         self._seed = None
         self._percepts = replace(self._percepts, detections=None)
 
+    def forget_place(self) -> None:
+        """Begin the map anew where the base stands: nobody knows any more how it got there.
+
+        The floor about the body counts as free, as it does where the robot is set down at the start. Track,
+        the target's place and the newest free space go as well: they are given in places that are no more.
+        """
+        self.map.clear()
+        if self._previous is not None:
+            at = self._previous.frame.captured_at
+            self.map.start_disc(self._previous.base, self._config.base.radius_m + HANDS_WIDTH, at)
+        self.forget_target()
+        self._percepts = replace(self._percepts, place=None, free_space=None)
+
     def faults(self, now: float) -> tuple[Fault, ...]:
-        """Errors inside vision, and lateness as long as rates are lowered."""
+        """Errors inside vision, lateness as long as rates are lowered, a base that was moved."""
+        found = [*self._errors.values(), *displacement.faults(self._displacement)]
         budget = self.budget(self._wants)
         if not budget.lowered:
             self._late_since = None
-            return tuple(self._errors.values())
+            return tuple(found)
         self._late_since = now if self._late_since is None else self._late_since
         rates = ", ".join(f"{name} {rate:.1f}/s" for name, rate in sorted(budget.rates_hz.items()))
-        return (*self._errors.values(), Fault("vision", "late", self._late_since, rates))
+        return (*found, Fault("vision", "late", self._late_since, rates))
 
     def budget(self, wants: frozenset[Want]) -> Budget:
         """The rates in force for these wants."""
-        active = self._active(wants)
-        plans = {
-            name: StagePlan(
-                self._wanted_hz[name], self._wanted_hz[name] * LOWEST_SHARE.get(name, 1.0), self._costs[name]
-            )
-            for name in active
-        }
-        rates = governed_rates(plans, self._config.vision.max_load)
-        return Budget(rates, any(rates[name] < self._wanted_hz[name] for name in active))
+        return self._schedule.budget(self._active(wants))
 
     def clearance(self, pose: Pose2, twist: Twist, now: float) -> Clearance:
         """How far the way of this twist is free, by the map."""
@@ -178,24 +180,8 @@ class Perception:
         asked = {want.value for want in wants}
         return [name for name in STAGES if name in asked or name in ALWAYS]
 
-    def _due(self, active: Sequence[str], now: float) -> list[str]:
-        """The most overdue stages first, as many as fit into one tick (the first always does)."""
-        rates = self.budget(frozenset(Want(name) for name in active if name not in ALWAYS)).rates_hz
-        lateness = {name: (now - self._last_start.get(name, -10.0)) * rates[name] for name in active}
-        due = sorted(
-            (name for name in active if lateness[name] > 0.9), key=lambda name: -round(lateness[name], 3)
-        )
-        chosen: list[str] = []
-        spent = 0.0
-        for name in due:
-            if not chosen or spent + self._costs[name] <= BATCH_BUDGET:
-                chosen.append(name)
-                spent += self._costs[name]
-        return chosen
-
     def _account(self, result: Result) -> None:
-        """Learn what a stage costs; the slow average keeps the governor from hunting."""
-        self._costs[result.stage] += 0.2 * (result.seconds - self._costs[result.stage])
+        self._schedule.account(result.stage, result.seconds)
         if result.error is not None:
             at = result.view.frame.captured_at
             self._errors[result.stage] = Fault("vision", "error", at, f"{result.stage}: {result.error}")
@@ -206,6 +192,7 @@ class Perception:
         stages: dict[str, Callable[[View], object]] = {
             "track": self._track,
             "free_space": self._free_space,
+            "motion": self._moved,
             "health": self._health,
             "ground": self._ground,
             "recognize": self._recognize,
@@ -227,6 +214,11 @@ class Perception:
         # The floor's cells are coarse: where a cell ends behind a step's face, the face itself ends the way.
         floor = freespace.merge(floor, floor.obstacles)
         return replace(floor, passage=passage.free_passage(*seen))
+
+    def _moved(self, view: View) -> EgoMotion | None:
+        track = self._percepts.track  # the target may move by itself: what it shows says nothing of the base
+        fresh = track is not None and not track.value.lost and track.age(view.frame.captured_at) <= FRESH_BOX
+        return self._motion.update(view, track.value.box if track is not None and fresh else None)
 
     def _ground(self, view: View) -> Obstacles:
         points = ground.obstacle_points(
@@ -251,6 +243,8 @@ class Perception:
             case FreeSpace() as free:
                 self.map.update(free, result.view.base, at)
                 self._percepts = replace(self._percepts, free_space=Timed(free, at))
+            case EgoMotion() as motion:
+                self._percepts = replace(self._percepts, motion=Timed(motion, at))
             case Obstacles(points=points):
                 self.map.update(_only_obstacles(points), result.view.base, at)
             case EyesVerdict(swapped=swapped):
@@ -272,6 +266,13 @@ class Perception:
         self._percepts = replace(
             self._percepts, target=Timed(sight.range, at), place=Timed((float(place[0]), float(place[1])), at)
         )
+
+    def _judge_displacement(self, now: float) -> None:
+        """Hold the eyes against the wheels; once a moved base stands again, its old place is forgotten."""
+        before = self._displacement
+        self._displacement = displacement.updated(before, self._percepts.motion, now)
+        if before.told and not self._displacement.told:
+            self.forget_place()
 
     def _drop_track(self) -> None:
         self._follower.drop()

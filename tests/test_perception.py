@@ -5,16 +5,30 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from calib.model import HeadMount, StereoRig
 from robot.config import Config
-from robot.messages import Box, Detection, FreeSpace, HeadPose, Image, Pose2, StereoFrame, Twist, View, Want
+from robot.messages import (
+    Box,
+    Detection,
+    EgoMotion,
+    FreeSpace,
+    HeadPose,
+    Image,
+    Pose2,
+    StereoFrame,
+    Twist,
+    View,
+    Want,
+)
 from robot.nav.grid import ObstacleMap
-from robot.perception import BATCH_BUDGET, SEED_LIFE, STAGES, EyesVerdict, Obstacles, Perception
+from robot.perception import HANDS_WIDTH, SEED_LIFE, STAGES, EyesVerdict, Obstacles, Perception
 from robot.vision.textures import texture
+from robot.vision_schedule import BATCH_BUDGET
 from robot.workers import Job, Result, run
 
 TICK = 0.04
@@ -137,13 +151,13 @@ COSTS = {name: stage.cost_s for name, stage in CONFIGURED.items()}
 
 def test_every_wanted_stage_runs_at_its_rate() -> None:
     counts = Bench().drive(10.0, TRACKING, COSTS)
-    assert set(counts) == {"track", "free_space", "health", "ground"}
+    assert set(counts) == {"track", "free_space", "motion", "health", "ground"}
     for name, count in counts.items():
         assert count == pytest.approx(10.0 * CONFIGURED[name].rate_hz, rel=0.15), name
 
 
 def test_what_is_not_wanted_does_not_run_but_the_guards_needs_always_do() -> None:
-    assert set(Bench().drive(2.0, NONE, COSTS)) == {"free_space", "health", "ground"}
+    assert set(Bench().drive(2.0, NONE, COSTS)) == {"free_space", "motion", "health", "ground"}
     assert "recognize" in Bench().drive(2.0, SEARCHING, COSTS)
     assert "track" not in Bench().drive(2.0, SEARCHING, COSTS)
 
@@ -204,7 +218,7 @@ def test_slow_stages_lower_the_rates_say_so_and_leave_the_guards_needs_alone() -
     assert "recognize" in late.evidence
     budget = bench.perception.budget(BOTH)
     assert budget.lowered
-    for name in ("free_space", "health"):
+    for name in ("free_space", "motion", "health"):
         assert budget.rates_hz[name] == CONFIGURED[name].rate_hz
         # Batches hold less now, so a stage may have to wait a tick for its turn.
         assert counts[name] >= 0.6 * 8.0 * CONFIGURED[name].rate_hz, name
@@ -474,3 +488,88 @@ def test_closing_stops_the_worker() -> None:
     bench = Bench()
     bench.perception.close()
     assert bench.worker.closed
+
+
+# ---------------------------------------------------------------------------------- a base that is moved
+
+
+def looked(lift: float) -> EgoMotion:
+    """What the eyes say of a base that rose this far while its wheels stood."""
+    return EgoMotion(
+        since=0.0, wheels=Pose2(), eyes=Pose2(), lift=lift, roll=0.0, pitch=0.0, sigma=(0.001, 0.001, 0.001),
+        deviation=250.0 * abs(lift), points=80, inliers=79, dissent=0.0,
+    )  # fmt: skip
+
+
+def look_on(bench: Bench, lifts: Sequence[float], begin: float, base: Pose2 | None = None) -> float:
+    """One look of the motion stage every 0.12 s, each of this lift; returns the time after them."""
+    at = begin
+    for lift in lifts:
+        at = round(at + 3 * TICK, 9)
+        job = bench.job("motion", view(at, base=base), NONE)
+        bench.worker.finish(job, replace(looked(lift), since=at - 3 * TICK))
+        bench.perception.collect(at)
+    return at
+
+
+def test_pictures_of_a_standing_base_say_that_it_stands() -> None:
+    bench = Bench()
+    for at in (0.12, 0.24):
+        bench.do("motion", view(at), NONE)
+    motion = bench.perception.collect(0.24).motion
+    assert motion is not None
+    assert motion.at == 0.24
+    assert motion.value.since == 0.12
+    assert motion.value.eyes.x == pytest.approx(0.0, abs=0.002)
+    assert bench.perception.faults(0.24) == ()
+
+
+def test_a_lifted_base_is_told_and_told_no_more_once_it_stands_again() -> None:
+    bench = Bench()
+    up = look_on(bench, [0.0, 0.04, 0.04], 1.0)
+    (fault,) = bench.perception.faults(up)
+    assert fault.key == "base.moved"
+    assert fault.since == up
+    down = look_on(bench, [-0.04, -0.04], up)
+    assert [fault.key for fault in bench.perception.faults(down)] == ["base.moved"]
+    still = look_on(bench, [0.0] * 9, down)
+    assert bench.perception.faults(still) == ()
+
+
+def test_where_a_moved_base_stands_again_its_map_is_begun_anew() -> None:
+    bench = tracking_bench()
+    here = Pose2(1.0, 0.5, 1.0)
+    up = look_on(bench, [0.04, 0.04], 1.0, here)
+    bench.do("free_space", view(up, base=here), NONE)
+    held = bench.perception.collect(up)
+    assert held.place is not None
+    assert held.free_space is not None
+    assert len(bench.perception.map.occupied_points()) > 0, "the wall"
+    still = look_on(bench, [-0.04, -0.04, *[0.0] * 9], up, here)
+    percepts = bench.perception.collect(still)
+    assert (percepts.place, percepts.track, percepts.target, percepts.free_space) == (None,) * 4
+    assert percepts.detections is None
+    floor = bench.perception.map
+    assert len(floor.occupied_points()) == 0
+    free = floor.centres(np.argwhere(floor.seen_free(still)))
+    reach = CONFIG.base.radius_m + HANDS_WIDTH
+    distances = np.hypot(free[:, 0] - here.x, free[:, 1] - here.y)
+    assert distances.max() <= reach, "only where it was set down"
+    assert len(free) == pytest.approx(math.pi * (reach / floor.settings.cell) ** 2, rel=0.1)
+
+
+def test_what_the_target_shows_says_nothing_of_the_base() -> None:
+    """The eyes are told where the target is as long as its track is fresh."""
+    bench = tracking_bench()
+    told: list[Box | None] = []
+
+    class Told:
+        def update(self, seen: View, moving: Box | None) -> None:
+            told.append(moving)
+
+    bench.perception._motion = Told()  # type: ignore[assignment]
+    bench.do("motion", view(0.2), BOTH)
+    bench.do("motion", view(0.6), BOTH)
+    assert told[0] is not None
+    assert told[0].iou(BOX) > 0.9
+    assert told[1] is None

@@ -127,6 +127,12 @@ class ObstacleMap:
 
     # ----------------------------------------------------------------------------------------- learning
 
+    def clear(self) -> None:
+        """Forget everything: all is unknown again, as in a new map."""
+        self._evidence[:] = 0.0
+        self._confirmed_at[:] = NEVER
+        self._seen_free_at[:] = NEVER
+
     def start_disc(self, pose: Pose2, radius: float, at: float = 0.0) -> None:
         """Mark the place where the robot was put as free: whoever put it there saw that floor."""
         window, x, y = self._around(np.array([[pose.x, pose.y]]), radius)

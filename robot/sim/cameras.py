@@ -26,6 +26,7 @@ READ_NOISE = 0.9
 EXPOSURE_TARGET = 105.0
 EXPOSURE_LIMITS = (0.35, 2.6)
 EXPOSURE_TIME_S = 0.5
+_NO_NEW_PICTURE = frozenset({"stale", "unpaired", "link", "missing"})
 _BANK = 48  # how far the noise bank can be shifted
 FLOAT_LUT = NDArray[np.float32]
 
@@ -128,11 +129,13 @@ class SimStereoCamera:
 
     def capture(self, seq: int, now: float) -> None:
         """A new moment: the pair of this tick exists from now on (drawn when asked for)."""
-        no_new = "stale" in self._broken or "unpaired" in self._broken
+        no_new = not _NO_NEW_PICTURE.isdisjoint(self._broken)
         self._pending = None if no_new or self._dropped(seq) else (seq, now)
 
     def latest(self, now: float) -> StereoFrame | None:
-        """The newest pair; the one before if this tick's was dropped."""
+        """The newest pair; the one before if this tick's was dropped; None while there is none at all."""
+        if "missing" in self._broken:
+            return None
         if self._pending is not None:
             seq, captured_at = self._pending
             self._pending = None
@@ -141,12 +144,12 @@ class SimStereoCamera:
         return self._frame
 
     def faults(self, now: float) -> tuple[Fault, ...]:
-        """What a driver notices by itself: that both eyes no longer come as pairs."""
-        since = self._broken.get("unpaired")
-        return (
-            ()
-            if since is None
-            else (Fault("camera", "unpaired", since, "one eye lags more than half a period"),)
+        """What a driver notices by itself: an eye that does not answer, eyes that no longer come as pairs."""
+        told = {"link": "the left eye does not answer", "unpaired": "one eye lags more than half a period"}
+        return tuple(
+            Fault("camera", kind, self._broken[kind], words)
+            for kind, words in told.items()
+            if kind in self._broken
         )
 
     def close(self) -> None:
@@ -165,6 +168,8 @@ class SimStereoCamera:
         left, right = self._render(self._settings.skew_s)
         self._adapt(left, now)
         pair = (self._left.expose(left, self.exposure, seq), self._right.expose(right, self.exposure, seq))
+        if "size" in self._broken:
+            pair = (np.ascontiguousarray(pair[0][::2, ::2]), np.ascontiguousarray(pair[1][::2, ::2]))
         return (pair[1], pair[0]) if "swapped" in self._broken else pair
 
     def _adapt(self, rendered: Image, now: float) -> None:

@@ -41,7 +41,11 @@ class SimHead:
         self._goal = HeadPose()
         self._reading = HeadPose()
         self._off_since: float | None = None
-        self.stuck = False
+        self._broken: dict[str, float] = {}
+
+    def break_with(self, kinds: frozenset[str], now: float) -> None:
+        """Set the faults at work from now on: 'stuck' does not move, 'link' neither hears nor answers."""
+        self._broken = {kind: self._broken.get(kind, now) for kind in sorted(kinds)}
 
     @property
     def true_pose(self) -> HeadPose:
@@ -50,7 +54,7 @@ class SimHead:
 
     def send(self, pose: HeadPose, now: float) -> HeadPose:
         """Go there; returns the pose within the limits that is really asked for."""
-        if not (math.isfinite(pose.pan) and math.isfinite(pose.tilt)):
+        if "link" in self._broken or not (math.isfinite(pose.pan) and math.isfinite(pose.tilt)):
             return self._goal
         self._goal = HeadPose(
             min(max(pose.pan, -PAN_LIMIT), PAN_LIMIT), min(max(pose.tilt, -TILT_UP_LIMIT), TILT_DOWN_LIMIT)
@@ -62,7 +66,9 @@ class SimHead:
         return self._reading
 
     def faults(self, now: float) -> tuple[Fault, ...]:
-        """`head.stuck` once the head has been off its goal for longer than any move takes."""
+        """`head.link` while it does not answer; `head.stuck` once off its goal longer than any move takes."""
+        if "link" in self._broken:
+            return (Fault("head", "link", self._broken["link"], "no answer"),)
         if self._off_since is None or now - self._off_since < STUCK_AFTER_S:
             return ()
         off = math.degrees(self._distance())
@@ -74,7 +80,7 @@ class SimHead:
     def advance(self, dt: float, now: float) -> None:
         """Let `dt` seconds pass; `now` is the time at their end."""
         before = self._servo
-        if not self.stuck:
+        if "stuck" not in self._broken:
             steps = max(1, round(dt / _STEP_S))
             for _ in range(steps):
                 self._servo = HeadPose(
@@ -82,7 +88,8 @@ class SimHead:
                     _approach(self._servo.tilt, self._goal.tilt, dt / steps),
                 )
         noise = np.clip(self._rng.normal(0.0, READ_NOISE, 2), -2 * READ_NOISE, 2 * READ_NOISE)
-        self._reading = HeadPose(self._servo.pan + float(noise[0]), self._servo.tilt + float(noise[1]))
+        if "link" not in self._broken:
+            self._reading = HeadPose(self._servo.pan + float(noise[0]), self._servo.tilt + float(noise[1]))
         if self._servo != before or self._distance() < STUCK_ANGLE:
             self._off_since = None
         elif self._off_since is None:

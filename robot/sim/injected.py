@@ -9,11 +9,16 @@ from robot.errors import UserError
 from robot.sim.brick_emulator import BrickEmulator
 
 KINDS: dict[str, tuple[str, ...]] = {
-    "camera": ("black", "frozen", "swapped", "stale", "unpaired", "dropped"),
-    "head": ("stuck",),
-    "lamp": ("dead",),
-    "base": ("link", "silent", "garbage", "stall", "power", "battery_low", "battery_empty"),
-}
+    "camera": (
+        "black", "frozen", "swapped", "stale", "unpaired", "dropped", "link", "size", "missing",
+    ),
+    "head": ("stuck", "link"),
+    "lamp": ("dead", "link"),
+    "base": (
+        "link", "silent", "garbage", "stall", "power", "battery_low", "battery_empty",
+        "lifted", "tipped", "pushed",
+    ),
+}  # fmt: skip
 """What can be broken: device -> kinds."""
 
 
@@ -56,7 +61,10 @@ STALLED_PORT = 2
 
 
 def switch_base_faults(brick: BrickEmulator, begun: frozenset[str], over: frozenset[str]) -> None:
-    """End the faults in `over`, then begin those in `begun`. A brick that is switched off stays off."""
+    """End the faults in `over`, then begin those in `begun`. A brick that is switched off stays off.
+
+    What hands do to the base (`handling.KINDS`) is no business of the brick's and passes unnoticed here.
+    """
     for kind in sorted(over):
         match kind:
             case "link" | "silent":

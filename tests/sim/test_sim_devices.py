@@ -42,12 +42,12 @@ def test_head_keeps_its_limits_speed_and_accuracy() -> None:
 
 def test_stuck_head_stays_and_says_so() -> None:
     head = SimHead(np.random.default_rng(3))
-    head.stuck = True
+    head.break_with(frozenset({"stuck"}), 0.0)
     head.send(HeadPose(0.5, 0.0), 0.0)
     moved(head, 25)
     assert head.read(1.0).pan == pytest.approx(0.0, abs=math.radians(0.2))
     assert [f.key for f in head.faults(1.0)] == ["head.stuck"]
-    head.stuck = False
+    head.break_with(frozenset(), 0.0)
     moved(head, 25, 1.0)
     assert head.faults(2.0) == ()
 
@@ -57,8 +57,60 @@ def test_lamp_and_dead_lamp() -> None:
     assert isinstance(lamp, LampDevice)
     assert lamp.send(-1.0, 0.0) == 0.0
     assert lamp.send(0.6, 0.0) == 0.6
-    lamp.dead = True
+    lamp.break_with(frozenset({"dead"}), 0.0)
     assert (lamp.send(1.0, 0.0), lamp.light) == (1.0, 0.0)
+
+
+def test_a_lamp_that_does_not_answer_keeps_its_level_and_is_told() -> None:
+    lamp = SimLamp()
+    lamp.send(0.6, 0.0)
+    lamp.break_with(frozenset({"link"}), 0.4)
+    assert (lamp.send(1.0, 0.4), lamp.light) == (0.6, 0.6)
+    (fault,) = lamp.faults(0.8)
+    assert (fault.key, fault.since) == ("lamp.link", 0.4)
+    lamp.break_with(frozenset(), 1.0)
+    assert (lamp.send(1.0, 1.0), lamp.faults(1.0)) == (1.0, ())
+
+
+def test_a_head_that_does_not_answer_hears_nothing_and_its_reading_is_old() -> None:
+    head = moved(SimHead(np.random.default_rng(3)), 5)
+    before = head.read(0.2)
+    head.send(HeadPose(0.5, 0.0), 0.2)
+    head.break_with(frozenset({"link"}), 0.2)
+    asked = head.send(HeadPose(-0.5, 0.1), 0.24)
+    moved(head, 25, 0.2)
+    assert asked == HeadPose(0.5, 0.0), "what it heard last"
+    assert head.true_pose.pan == pytest.approx(0.5, abs=0.01), "it goes there all the same"
+    assert head.read(1.2) == before
+    assert [(f.key, f.since) for f in head.faults(1.2)] == [("head.link", 0.2)]
+    head.break_with(frozenset(), 1.2)
+    moved(head, 1, 1.2)
+    assert head.faults(1.24) == ()
+    assert head.read(1.24).pan == pytest.approx(0.5, abs=0.01)
+
+
+def test_cameras_that_do_not_answer_are_missing_or_give_the_wrong_size() -> None:
+    eyes = camera(EyeSettings(dropped=0.0))
+    eyes.capture(1, 0.04)
+    first = eyes.latest(0.04)
+    eyes.break_with(frozenset({"link"}), 0.08)
+    eyes.capture(2, 0.08)
+    assert eyes.latest(0.08) is first, "the last pair, which grows old"
+    assert [(f.key, f.since) for f in eyes.faults(0.2)] == [("camera.link", 0.08)]
+    eyes.break_with(frozenset({"missing"}), 0.12)
+    eyes.capture(3, 0.12)
+    assert eyes.latest(0.12) is None
+    assert eyes.faults(0.12) == ()
+    eyes.break_with(frozenset({"size"}), 0.16)
+    eyes.capture(4, 0.16)
+    small = eyes.latest(0.16)
+    assert small is not None
+    assert small.left.shape == small.right.shape == (H // 2, W // 2, 3)
+    eyes.break_with(frozenset(), 0.2)
+    eyes.capture(5, 0.2)
+    whole = eyes.latest(0.2)
+    assert whole is not None
+    assert whole.left.shape == (H, W, 3)
 
 
 def grey(level: int) -> Image:
