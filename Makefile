@@ -12,7 +12,7 @@ export OMP_NUM_THREADS := 1
 export LP_NUM_THREADS := 1
 export MUJOCO_GL ?= egl
 
-.PHONY: demo test test-all lint bench scenes clean
+.PHONY: demo test test-all test-kernel lint bench scenes clean
 
 demo: $(READY)
 	$(BIN)/robot demo
@@ -23,6 +23,10 @@ test: $(READY)
 test-all: $(READY)
 	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal --cov=robot --cov=calib --cov-report=term --cov-fail-under=90
 
+# Real V4L2 cameras and a real USB brick in an emulated computer; needs qemu-system-x86 and mmdebstrap.
+test-kernel: $(READY)
+	PYTHON=$(BIN)/python tests/kernel/run
+
 lint: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -31,6 +35,9 @@ lint: $(READY)
 bench: $(READY)
 	$(BIN)/python -m bench.range
 	$(BIN)/python -m bench.tick
+	$(BIN)/python -m bench.faults
+	$(BIN)/python -m bench.fuzz
+	$(BIN)/python -m bench.wire
 
 scenes: $(READY)
 	$(BIN)/robot run --sim all --seeds 5 --jobs $(JOBS)
