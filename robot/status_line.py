@@ -11,7 +11,7 @@ _WORST_FIRST = {faults.Action.HALT: 0, faults.Action.STOP: 1, faults.Action.CARR
 
 
 def status_line(state: str, sent: Sent, volts: float | None, active: tuple[Fault, ...]) -> str:
-    """State, what the wheels were told, battery, who drives, what holds it up or is broken.
+    """State, what the wheels were told, battery, who drives, what holds it up or the worst fault's key.
 
     >>> from robot.messages import Twist
     >>> status_line("teleop", Sent(Twist(0.12, -0.3), None, 0.0), 8.1, ())
@@ -21,7 +21,8 @@ def status_line(state: str, sent: Sent, volts: float | None, active: tuple[Fault
     line = f"{state:<9}  v {sent.twist.v:+.2f} w {sent.twist.w:+.2f}  {battery}  {_who(state)}"
     worst = min(active, key=lambda fault: (_WORST_FIRST[faults.row(fault).action], fault.key), default=None)
     if worst is not None:
-        line += f"  ! {worst.key}: {faults.row(worst).words}"
+        more = len({fault.key for fault in active}) - 1
+        line += f"  ! {worst.key}" + (f" +{more}" if more else "")
     elif sent.limited_by is not None and sent.limited_by != "acceleration":
         line += f"  ({sent.limited_by})"
     return line if len(line) <= WIDTH else line[: WIDTH - 3] + "..."
@@ -32,7 +33,7 @@ def _who(state: str) -> str:
         case "teleop":
             return "you drive"
         case "idle":
-            return "idle: t take, g go"
+            return "t take, g go"
         case "halted":
-            return "halted: r to acknowledge"
+            return "r to acknowledge"
     return "drives itself"

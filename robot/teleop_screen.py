@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import Final
 
 from rich.console import Group, RenderableType
@@ -9,6 +10,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
+from robot.faults import TABLE
 from robot.hal.teleop.frames import Button
 from robot.teleop_model import ClientModel, axes, buttons
 
@@ -48,10 +50,7 @@ def _facts(model: ClientModel, link: str, now: float) -> list[tuple[str, Text]]:
         ("robot", _robot(model) if robot else nothing),
         ("wheels", Text(f"{robot.v:+.2f} m/s   {robot.w:+.2f} rad/s") if robot else nothing),
         ("battery", Text("?" if robot.volts is None else f"{robot.volts:.1f} V") if robot else nothing),
-        (
-            "notice",
-            Text(robot.trouble or "none", style="yellow" if robot.trouble else "") if robot else nothing,
-        ),
+        *(_notice(robot.trouble) if robot else [("notice", nothing), ("", Text())]),
         ("forward", _bar(v, "ahead", "back")),
         ("turning", _bar(-w, "right", "left")),
         (
@@ -60,6 +59,16 @@ def _facts(model: ClientModel, link: str, now: float) -> list[tuple[str, Text]]:
         ),
         ("input", _input(model, now)),
     ]
+
+
+def _notice(trouble: str) -> list[tuple[str, Text]]:
+    """What holds the robot up, two lines always; a fault with its cure out of the table."""
+    if not trouble:
+        return [("notice", Text("none")), ("", Text())]
+    key = trouble.removeprefix("! ").split(" ")[0]
+    words = f"{trouble.removeprefix('! ')}: {TABLE[key].words}" if key in TABLE else trouble
+    lines = [*textwrap.wrap(words, WIDTH - 14, max_lines=2, placeholder=" ..."), ""][:2]
+    return [("notice", Text(lines[0], style="yellow")), ("", Text(lines[1], style="yellow"))]
 
 
 def _link(model: ClientModel, link: str, now: float) -> Text:
