@@ -27,7 +27,7 @@ from robot.hal.hardware import behind_workers
 from robot.hal.interfaces import WaitsForPictures
 from robot.hal.rectified import RectifiedCamera
 from robot.messages import Fault, Tick
-from robot.pacing import PERIOD, Pacer, WaitForPicture
+from robot.pacing import PERIOD, Pacer, WaitForPicture, quick_hand_over
 from robot.record.recorder import Recorder, tick_ms
 from robot.record.run_folder import RunFolder
 from robot.rig_file import load_rig
@@ -153,11 +153,12 @@ def tick_until(
     begun = time.monotonic()
     pacer = Pacer(stop, wait_for_picture)
     seconds: deque[float] = deque(maxlen=TIMED_TICKS)
-    while not stop.is_set() and (duration is None or time.monotonic() - begun < duration):
-        start = time.perf_counter()
-        loop.tick()
-        seconds.append(time.perf_counter() - start)
-        pacer.pause()
+    with quick_hand_over():
+        while not stop.is_set() and (duration is None or time.monotonic() - begun < duration):
+            start = time.perf_counter()
+            loop.tick()
+            seconds.append(time.perf_counter() - start)
+            pacer.pause()
     return list(seconds)
 
 

@@ -67,6 +67,7 @@ class ThreadedBase(_Threaded):
         self._limit = limit
         self._command_life_s = command_life_s
         self._order: _Posted[Twist] | None = None
+        self._taken: _Posted[Twist] | None = None
         self._stop: float | None = None
         self._odometry = Odometry()
         self._volts: float | None = None
@@ -111,7 +112,9 @@ class ThreadedBase(_Threaded):
                 self._order = None
             self._base.stop(now)
             return
-        self._base.send(order.value, now)
+        if order is not self._taken and self._base.send(order.value, now) == self._limit(order.value):
+            # A driver that paces its link may put an order off; then it is offered again.
+            self._taken = order
 
 
 class ThreadedHead(_Threaded):
