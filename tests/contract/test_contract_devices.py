@@ -63,8 +63,10 @@ def test_camera_asked_twice_gives_the_same_frame(camera) -> None:  # type: ignor
 
 def test_broken_camera_keeps_its_last_frame(breakable_camera) -> None:  # type: ignore[no-untyped-def]
     rig = breakable_camera
-    last = frames(rig, 1)[0]
+    frames(rig, 1)
     rig.break_down()
+    last = rig.device.latest(rig.now)  # a camera with a thread of its own may have shown one more
+    assert last is not None
     again = frames(rig, 2)[-1]
     assert again is last
     assert_told(rig)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
 
@@ -63,6 +64,10 @@ class _Eyes:
         return self._last
 
 
+JITTER: Final = 0.05
+"""Share of a period by which capture times are uncertain: eyes exactly half a period apart stay a pair."""
+
+
 class WebcamPair(_Eyes):
     """`StereoCamera` over two readers that are running.
 
@@ -85,15 +90,19 @@ class WebcamPair(_Eyes):
             raise ValueError(f"rate_hz must be positive, got {rate_hz}")
         super().__init__({"left eye": left, "right eye": right}, Expected(size, max_age), clock)
         self._left, self._right = left, right
-        self._tolerance = 0.5 / rate_hz
+        self._tolerance = (0.5 + JITTER) / rate_hz
         self._shown = (-float("inf"), -float("inf"))
 
     def latest(self, now: float) -> StereoFrame | None:
         """The newest pair; one picture is never shown in two pairs."""
         if self._closed:
             return self._last
-        pair = newest_pair(self._fitting(self._left, now), self._fitting(self._right, now), self._tolerance)
-        if pair is not None and pair[0].at > self._shown[0] and pair[1].at > self._shown[1]:
+        # Only pictures not shown yet are paired: with eyes half a period apart the nearest one would change
+        # from side to side, and a third of the pairs would be lost.
+        left = [picture for picture in self._fitting(self._left, now) if picture.at > self._shown[0]]
+        right = [picture for picture in self._fitting(self._right, now) if picture.at > self._shown[1]]
+        pair = newest_pair(left, right, self._tolerance)
+        if pair is not None:
             self._shown = (pair[0].at, pair[1].at)
             self._show(*pair)
         return self._last
