@@ -151,7 +151,7 @@ class Safety(Struct, frozen=True, forbid_unknown_fields=True):
     actuation_latency_s: Annotated[float, _doc("from decision to turning wheels", ge=0.0, le=1.0)] = 0.12
     command_life_s: Annotated[float, _doc("a command expires after this", ge=0.05, le=0.5)] = 0.2
     free_space_max_age_s: Annotated[float, _doc("older free space: no translation", ge=0.05, le=0.3)] = 0.3
-    frame_max_age_s: Annotated[float, _doc("older frames are a fault", ge=0.05, le=2.0)] = 0.5
+    frame_max_age_s: Annotated[float, _doc("older frames are a fault", ge=0.05, le=2.0)] = 0.45
     step_height_m: Annotated[
         float, _doc("what stands up (or falls away) more is an obstacle", ge=0.005, le=0.2)
     ] = 0.03

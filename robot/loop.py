@@ -13,6 +13,7 @@ from robot import authority, faults
 from robot.clock import Clock
 from robot.fault_watch import FaultSource, FaultWatch
 from robot.guard import GuardInput, guard
+from robot.hal.interfaces import DatedHead
 from robot.lamp_control import LampWatch, lamp_level
 from robot.loop_interfaces import BodyLike, ChartLike, Devices, LoopSettings, PerceptionLike, StateLike
 from robot.messages import (
@@ -68,6 +69,7 @@ class Loop:
         self._seq = -1
         self._lamp_watch = LampWatch()
         self._poses = PoseHistory()
+        self._dated = devices.head if isinstance(devices.head, DatedHead) else None
         held = (devices.camera, devices.head, devices.lamp, devices.base, devices.teleop, devices.near)
         told = [device.faults for device in (*held, devices.arm) if device is not None]
         sources = [*told, perception.faults, self._lamp_watch.faults, *watched]
@@ -130,7 +132,7 @@ class Loop:
 
     def _see(self, now: float, odometry: Odometry, head: HeadPose) -> tuple[View | None, Percepts]:
         """Submit a new picture with where base and head were when it was taken; collect what was seen."""
-        self._poses.add(odometry, head, now)
+        self._poses.add(odometry, head, self._dated.read_at if self._dated is not None else now)
         frame = self._devices.camera.latest(now)
         view = None
         if frame is not None and frame.seq != self._seq:

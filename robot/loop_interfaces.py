@@ -115,7 +115,7 @@ class LoopSettings:
 
     guard: GuardLimits
     period: float = 0.04
-    frame_max_age: float = 0.5
+    frame_max_age: float = 0.45
     teleop_timeout: float = 0.4
     teleop_max_v: float = 0.25
     teleop_max_w: float = 1.2

@@ -67,7 +67,9 @@ def run_sim(
         print()
     if len(reports) == 1:
         _print_outcome(reports[0], console)
-        return DONE if reports[0]["success"] else FAILED
+        return DONE if reports[0]["success"] or reports[0].get("stopped") else FAILED
+    if reports[-1].get("stopped"):
+        return DONE
     good = _print_table(names, reports, console)
     return DONE if good else FAILED
 

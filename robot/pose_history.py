@@ -29,13 +29,14 @@ class PoseHistory:
         self._bases: deque[tuple[float, Odometry]] = deque()
         self._heads: deque[tuple[float, HeadPose]] = deque()
 
-    def add(self, odometry: Odometry, head: HeadPose, now: float) -> None:
-        """Note the newest readings; the base's is of `odometry.at`, the head's of `now`."""
+    def add(self, odometry: Odometry, head: HeadPose, head_at: float) -> None:
+        """Note the newest readings; the base's is of `odometry.at`."""
         if not self._bases or odometry.at > self._bases[-1][0]:
             self._bases.append((odometry.at, odometry))
-        self._heads.append((now, head))
+        if not self._heads or head_at > self._heads[-1][0]:
+            self._heads.append((head_at, head))
         for readings in (self._bases, self._heads):
-            while len(readings) > 2 and readings[1][0] < now - KEPT_S:
+            while len(readings) > 2 and readings[1][0] < readings[-1][0] - KEPT_S:
                 readings.popleft()
 
     def base(self, at: float) -> Pose2:

@@ -25,6 +25,9 @@ class Budget:
     lowered: bool
 
 
+URGENT = "track"
+
+
 class VisionSchedule:
     """Remembers what each stage costs and when it was last begun.
 
@@ -53,7 +56,7 @@ class VisionSchedule:
         return Budget(rates, any(rates[name] < self._wanted_hz[name] for name in plans))
 
     def due(self, active: Sequence[str], rates_hz: Mapping[str, float], now: float) -> list[str]:
-        """The most overdue stages first, as many as fit into one tick (the first always does)."""
+        """The most overdue stages, as many as fit into one tick (the first always does); the track first."""
         lateness = {name: (now - self._last_start.get(name, -10.0)) * rates_hz[name] for name in active}
         due = sorted(
             (name for name in active if lateness[name] > DUE), key=lambda name: -round(lateness[name], 3)
@@ -64,7 +67,8 @@ class VisionSchedule:
             if not chosen or spent + self._costs[name] <= BATCH_BUDGET:
                 chosen.append(name)
                 spent += self._costs[name]
-        return chosen
+        # What follows the target decides the very next command; the rest of the batch may come after it.
+        return sorted(chosen, key=lambda name: name != URGENT)
 
     def begun(self, stages: Iterable[str], now: float) -> None:
         """These stages are run on the picture of `now`."""

@@ -30,7 +30,6 @@ from robot.hal.kinematics import Limits, Wheels, limited
 from robot.hal.mock import MockArm, MockBase, MockCamera, MockHead, MockLamp, MockTeleop
 from robot.hal.mock.camera import wall_pair
 from robot.hal.nxt.base import NxtBase
-from robot.hal.nxt.brick import Brick
 from robot.hal.nxt.lcp import Port
 from robot.hal.nxt.settings import (
     BLUETOOTH,
@@ -41,7 +40,7 @@ from robot.hal.nxt.settings import (
     USB_PAN,
     NxtSettings,
 )
-from robot.hal.shared_links import SharedLinks, is_fast
+from robot.hal.shared_links import SharedLinks
 from robot.hal.unplugged import FixedHead, NoBase, NoLamp
 from robot.messages import HeadPose, Twist
 
@@ -73,7 +72,7 @@ def open_hardware(config: Config, clock: Clock | None = None) -> Hardware:
             return device
 
         hardware = Hardware(
-            base=opening("base", lambda: open_base(config.base, links)),
+            base=opening("base", lambda: open_base(config.base, links, config.head.driver == "nxt-pan")),
             near=opening("base.bumper_ports and sonar_port", lambda: open_near(config.base, links)),
             head=opening("head", lambda: open_head(config, links)),
             lamp=opening("lamp", lambda: open_lamp(config, links)),
@@ -193,8 +192,11 @@ def open_lamp(config: Config, links: SharedLinks) -> LampDevice:
 # ------------------------------------------------------------------------------------------------- base
 
 
-def open_base(settings: Base, links: SharedLinks | None = None) -> DriveBase:
-    """The drive base. Raises DeviceError."""
+def open_base(settings: Base, links: SharedLinks | None = None, head_on_brick: bool = False) -> DriveBase:
+    """The drive base. head_on_brick: the third motor turns the head: a stop of the wheels leaves it alone.
+
+    Raises DeviceError.
+    """
     if settings.driver == "mock":
         figures = nxt_settings(settings, USB)
         limits = Limits(figures.speed_limit, figures.turn_limit)
@@ -205,8 +207,12 @@ def open_base(settings: Base, links: SharedLinks | None = None) -> DriveBase:
         raise _unknown("base", settings.driver)
     if settings.left_motor == settings.right_motor:
         raise DeviceError(f"left_motor and right_motor are both {settings.left_motor}: name two brick ports")
-    brick = (links or SharedLinks(Config(base=settings))).brick()
-    return NxtBase(brick, nxt_settings(settings, USB if _fast(settings, brick) else BLUETOOTH))
+    links = links or SharedLinks(Config(base=settings))
+    brick = links.brick()
+    figures = nxt_settings(settings, USB if links.fast else BLUETOOTH)
+    if head_on_brick:
+        figures = replace(figures, hold_ports=(figures.left_port, figures.right_port))
+    return NxtBase(brick, figures)
 
 
 def open_near(settings: Base, links: SharedLinks) -> NearSensors | None:
@@ -216,7 +222,7 @@ def open_near(settings: Base, links: SharedLinks) -> NearSensors | None:
     from robot.hal.nxt.near import NxtNear
 
     brick = links.brick()
-    figures = USB_NEAR if _fast(settings, brick) else BLUETOOTH_NEAR
+    figures = USB_NEAR if links.fast else BLUETOOTH_NEAR
     return NxtNear(brick, figures.plugged(settings.bumper_ports, settings.sonar_port))
 
 
@@ -228,24 +234,13 @@ def _pan_motor(config: Config, links: SharedLinks) -> PanTilt:
         raise DeviceError(f"pan_motor {head.pan_motor} drives a wheel already: name the third brick port")
     brick = links.brick()
     figures = replace(
-        USB_PAN if _fast(base, brick) else BLUETOOTH_PAN,
+        USB_PAN if links.fast else BLUETOOTH_PAN,
         port=Port[head.pan_motor],
         gear=head.pan_gear,
         pan_limit=math.radians(head.pan_limit_deg),
         tilt=math.radians(head.rest_tilt_deg),
     )
     return NxtPan(brick, figures)
-
-
-def _fast(settings: Base, brick: Brick) -> bool:
-    """A cable is fast; a serial port may be Bluetooth or faster: that is measured."""
-    if settings.driver == "nxt-usb":
-        return True
-    try:
-        return is_fast(brick)
-    except OSError as error:
-        brick.close()
-        raise DeviceError(f"the brick does not answer: {error}") from error
 
 
 def nxt_settings(settings: Base, transport: NxtSettings) -> NxtSettings:

@@ -89,16 +89,17 @@ def behind_workers(hardware: Hardware, reach: Reach, clock: Clock) -> Hardware:
         return DeviceThread(name, clock, period_s, deadline_s)
 
     near, arm, teleop = hardware.near, hardware.arm, hardware.teleop
+    base = ThreadedBase(
+        hardware.base, worker("base", BASE_PERIOD_S, IMPATIENT_S), reach.twist, reach.command_life_s
+    )
     return WorkingHardware(
         camera=hardware.camera,
-        base=ThreadedBase(
-            hardware.base, worker("base", BASE_PERIOD_S, IMPATIENT_S), reach.twist, reach.command_life_s
-        ),
+        base=base,
         head=ThreadedHead(hardware.head, worker("head", HEAD_PERIOD_S, PATIENT_S), reach.pose),
         lamp=ThreadedLamp(hardware.lamp, worker("lamp", LAMP_PERIOD_S, PATIENT_S)),
         near=None if near is None else ThreadedNear(near, worker("near", NEAR_PERIOD_S, PATIENT_S)),
         arm=None if arm is None else ThreadedArm(arm, worker("arm", ARM_PERIOD_S, PATIENT_S)),
         teleop=None
         if teleop is None
-        else ThreadedTeleop(teleop, worker("teleop", TELEOP_PERIOD_S, IMPATIENT_S)),
+        else ThreadedTeleop(teleop, worker("teleop", TELEOP_PERIOD_S, IMPATIENT_S), base.stop),
     )

@@ -64,6 +64,16 @@ class PanTilt(Device, Protocol):
 
 
 @runtime_checkable
+class DatedHead(Protocol):
+    """A head whose reading may be older than the moment it is asked."""
+
+    @property
+    def read_at(self) -> float:
+        """When the pose that `read` gives was measured."""
+        ...
+
+
+@runtime_checkable
 class LampDevice(Device, Protocol):
     """A light whose level can be set."""
 

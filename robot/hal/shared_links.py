@@ -24,13 +24,21 @@ class SharedLinks:
     def __init__(self, config: Config) -> None:
         self._config = config
         self._brick: Brick | None = None
+        self._fast = True
         self._modbus: dict[str, ModbusLink] = {}
 
     def brick(self) -> Brick:
         """The brick of `base`. Raises DeviceError."""
         if self._brick is None:
-            self._brick = open_brick(self._config.base)
+            brick = open_brick(self._config.base)
+            self._fast = self._config.base.driver == "nxt-usb" or is_fast(brick)
+            self._brick = brick
         return self._brick
+
+    @property
+    def fast(self) -> bool:
+        """Whether the brick's link keeps a cable's rates; known once `brick` was called."""
+        return self._fast
 
     def modbus(self, address: str) -> ModbusLink:
         """The link to a Modbus address. Raises DeviceError."""
@@ -51,9 +59,16 @@ def open_brick(settings: Base) -> Brick:
 
 
 def is_fast(brick: Brick) -> bool:
-    """Whether the link keeps the rates of a USB cable, measured by a few exchanges. Raises DeviceError."""
-    for _ in range(_PROBES):
-        brick.battery_mv()
+    """Whether the link keeps the rates of a USB cable, measured by a few exchanges.
+
+    Raises DeviceError, the link closed, if the brick does not answer.
+    """
+    try:
+        for _ in range(_PROBES):
+            brick.battery_mv()
+    except OSError as error:
+        brick.close()
+        raise DeviceError(f"the brick does not answer: {error}") from error
     median_s = brick.times.median_s
     return median_s is not None and median_s < _FAST_LINK_S
 

@@ -125,7 +125,7 @@ class ThreadedHead(_Threaded):
         self._head = driver
         self._limit = limit
         self._wanted: HeadPose | None = None
-        self._pose = HeadPose()
+        self._pose = _Posted(HeadPose(), 0.0)
         worker.start(self._exchange)
 
     def send(self, pose: HeadPose, now: float) -> HeadPose:
@@ -134,17 +134,22 @@ class ThreadedHead(_Threaded):
         if not self._broken(now):
             self._wanted = wanted
             self._worker.wake()
-        return self._wanted or self._pose
+        return self._wanted or self._pose.value
 
     def read(self, now: float) -> HeadPose:
-        """The pose as last read."""
-        return self._pose
+        """The pose as last read; `read_at` says when."""
+        return self._pose.value
+
+    @property
+    def read_at(self) -> float:
+        """When the pose was read."""
+        return self._pose.at
 
     def _exchange(self, now: float) -> None:
         wanted = self._wanted
         if wanted is not None:
             self._head.send(wanted, now)
-        self._pose = self._head.read(now)
+        self._pose = _Posted(self._head.read(now), now)
         self._told = self._head.faults(now)
 
 
@@ -195,10 +200,16 @@ class ThreadedNear(_Threaded):
 
 
 class ThreadedTeleop(_Threaded):
-    """A person's link. Words that came between two looks are not lost: what decides is kept."""
+    """A person's link. Words that came between two looks are not lost: what decides is kept.
 
-    def __init__(self, driver: TeleopLink, worker: Worker) -> None:
+    stop: called at once, from the worker, when the person says stop; the loop hears of it at its next tick.
+    """
+
+    def __init__(
+        self, driver: TeleopLink, worker: Worker, stop: Callable[[float], None] | None = None
+    ) -> None:
         super().__init__("teleop", driver, worker)
+        self._stop = stop
         self._link = driver
         self._words: deque[TeleopInput] = deque(maxlen=_MOST_WORDS)
         self._heard_at = -1.0
@@ -222,6 +233,8 @@ class ThreadedTeleop(_Threaded):
         if word is not None and word.at > self._heard_at:
             self._heard_at = word.at
             self._words.append(word)
+            if word.stop and self._stop is not None:
+                self._stop(now)
         line, self._line = self._line, None
         if line is not None:
             self._link.tell(line, now)

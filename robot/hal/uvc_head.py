@@ -17,8 +17,8 @@ from robot.hal.webcam.reader import DEFAULT_BACKOFF, Backoff
 from robot.messages import Fault, HeadPose
 
 # One lost exchange is no broken link.
-_SILENCE_S: Final = 0.25
-_EXCHANGE_S: Final = 0.05
+_SILENCE_S: Final = 0.35
+_EXCHANGE_S: Final = 0.1
 _FIRST_EXCHANGE_S: Final = 1.0
 
 
@@ -38,10 +38,10 @@ class UvcHead:
     opening, and where an axis that the camera does not have is taken to be; zoom: value of the zoom control,
     kept fixed (the calibration holds for one zoom), None to leave it.
 
-    A call makes at most one read, or as many writes as axes moved, each bounded by its link (HTTP: 50 ms).
+    A call makes at most one read, or as many writes as axes moved, each bounded by its link (HTTP: 100 ms).
     `send` returns the pose within the limits; the camera rounds it to its step (`read` tells).
 
-    Faults: `link` (no answer for 0.25 s; tried again by itself, 0.5 s to 5 s apart), `stuck` (the angle told
+    Faults: `link` (no answer for 0.35 s; tried again by itself, 0.5 s to 5 s apart), `stuck` (the angle told
     by the camera does not come nearer to the goal for 0.6 s; one that repeats what was set cannot tell).
 
     Raises DeviceError if the camera does not answer or has neither pan nor tilt.
@@ -222,7 +222,7 @@ def open_uvc_head(
 ) -> UvcHead:
     """The head behind a device path or an http:// address of mjpg-streamer. Raises DeviceError.
 
-    Opening may take a second, every later exchange 50 ms.
+    Opening may take a second, every later exchange 100 ms.
     """
     if device.startswith("http:"):
         controls: Controls = HttpControls(device, _EXCHANGE_S, _FIRST_EXCHANGE_S)

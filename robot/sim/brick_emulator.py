@@ -114,6 +114,11 @@ class BrickEmulator:
         return self._on
 
     @property
+    def reachable(self) -> bool:
+        """False while `handle` raises: the link is cut or the brick is switched off."""
+        return self._on and self._link is not LinkState.CUT
+
+    @property
     def battery_mv(self) -> int:
         """Voltage at the terminals under the present load, in mV."""
         return max(0, round(self._charge_mv - 1000.0 * _INNER_OHMS * self._amperes))
@@ -191,7 +196,7 @@ class BrickEmulator:
 
     def handle(self, telegram: bytes) -> bytes | None:
         """Answer one telegram; None if none is due. Raises ConnectionError while the link is cut."""
-        if self._link is LinkState.CUT or not self._on:
+        if not self.reachable:
             raise ConnectionError("the brick is gone: its link is cut or it is switched off")
         if self._link is LinkState.SILENT:
             return None

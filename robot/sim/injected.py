@@ -16,7 +16,7 @@ KINDS: dict[str, tuple[str, ...]] = {
     "lamp": ("dead", "link"),
     "base": (
         "link", "silent", "garbage", "stall", "power", "battery_low", "battery_empty",
-        "lifted", "tipped", "pushed",
+        "lifted", "tipped", "pushed", "lifted_slowly", "tipped_slowly", "pushed_slowly",
     ),
 }  # fmt: skip
 """What can be broken: device -> kinds."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+import time
 from collections import deque
 
 import pytest
@@ -111,3 +113,111 @@ def test_a_cut_link_is_an_error_at_once() -> None:
     brick.close()
     with pytest.raises(OSError, match="down"):
         brick.battery_mv()
+
+
+# ------------------------------------------------------------------------------ shared, timed, bounded
+
+
+def test_the_last_driver_that_releases_it_closes_the_link() -> None:
+    link = MemoryLink(lambda telegram: BATTERY)
+    brick = Brick(link)
+    brick.retain()
+    brick.retain()
+    brick.release()
+    assert brick.battery_mv() == 8000
+    brick.release()
+    assert link.cut
+
+
+def test_exchanges_of_several_threads_never_mix() -> None:
+    class Half:
+        """A link on which a second question before the first answer is a mistake."""
+
+        def __init__(self) -> None:
+            self.waiting: bytes | None = None
+            self.mixed = False
+
+        def write(self, telegram: bytes) -> None:
+            self.mixed |= self.waiting is not None
+            if telegram[0] == 0x00:
+                time.sleep(0)
+                self.waiting = BATTERY if telegram[1] == 0x0B else KEEP_ALIVE
+
+        def read(self, timeout: float) -> bytes | None:
+            time.sleep(0.0002)
+            reply, self.waiting = self.waiting, None
+            return reply
+
+        def close(self) -> None:
+            pass
+
+    link = Half()
+    brick = Brick(link)
+    wrong: list[object] = []
+
+    def work(ask, answer) -> None:  # type: ignore[no-untyped-def]
+        for _ in range(50):
+            value = ask()
+            if value != answer:
+                wrong.append(value)
+            brick.hold_all()
+
+    threads = [
+        threading.Thread(target=work, args=args)
+        for args in ((brick.battery_mv, 8000), (brick.keep_alive, 0), (brick.battery_mv, 8000))
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(timeout=20)
+    assert not any(thread.is_alive() for thread in threads)
+    assert wrong == []
+    assert not link.mixed
+
+
+def test_a_trickle_of_foreign_telegrams_does_not_outlast_the_time_out() -> None:
+    now = [0.0]
+    waits: list[float] = []
+
+    class Trickle(Scripted):
+        def read(self, timeout: float) -> bytes | None:
+            if timeout > 0:
+                waits.append(timeout)
+                now[0] += 0.04
+            return KEEP_ALIVE if timeout > 0 else None
+
+    with pytest.raises(ProtocolError):
+        Brick(Trickle(), 0.1, lambda: now[0]).battery_mv()
+    assert waits == pytest.approx([0.1, 0.06, 0.02])
+
+
+def test_exchanges_are_measured() -> None:
+    now = [0.0]
+
+    class Slow(Scripted):
+        def read(self, timeout: float) -> bytes | None:
+            if self.waiting:
+                now[0] += 0.03
+            return super().read(timeout)
+
+    brick = Brick(Slow(*[[BATTERY]] * 3), 0.1, lambda: now[0])
+    assert brick.times.median_s is None
+    for _ in range(3):
+        brick.battery_mv()
+    assert brick.times.median_s == pytest.approx(0.03)
+
+
+def test_a_link_that_is_down_is_opened_again_by_the_next_question() -> None:
+    class Down(Scripted):
+        up = False
+
+        def write(self, telegram: bytes) -> None:
+            self.up = True
+            super().write(telegram)
+
+        def read(self, timeout: float) -> bytes | None:
+            if not self.up:
+                raise DeviceError("the link is down")
+            return super().read(timeout)
+
+    assert Brick(Down([BATTERY])).battery_mv() == 8000

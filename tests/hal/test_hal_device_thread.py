@@ -123,6 +123,19 @@ def test_no_decisive_word_is_lost_between_two_looks() -> None:
     assert teleop.latest(clock.now()) == TeleopInput(0.02, stop=True)
 
 
+def test_a_stop_goes_to_the_wheels_without_waiting_for_the_loop() -> None:
+    link, clock = MockTeleop(), SteppedClock(0.01)
+    worker = Inline(clock)
+    stopped: list[float] = []
+    ThreadedTeleop(link, worker, stopped.append)
+    link.say(TeleopInput(0.01, v=0.5))
+    link.say(TeleopInput(0.02, stop=True))
+    for _ in range(4):
+        clock.step()
+        worker.wake()
+    assert stopped == [0.02]
+
+
 @pytest.mark.parametrize(
     ("words", "which"),
     [

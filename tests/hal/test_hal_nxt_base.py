@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import struct
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -45,12 +46,13 @@ class Spy:
         return self._brick.handle(telegram)
 
     def lead(self, port: int) -> float:
-        """Degrees the motor will still run by itself."""
+        """Degrees the motor will still run by itself; what it rolls back first is no part of them."""
         state = self._brick.handle(bytes([0, 6, port]))
         assert state is not None
         tacho = struct.unpack("<i", state[13:17])[0]
         power = self.powers[port]
-        return (self.targets[port] - tacho) * math.copysign(1, power) if power else 0.0
+        sign = math.copysign(1, power)
+        return sign * self.targets[port] - max(0.0, sign * tacho) if power else 0.0
 
     def opcodes(self) -> list[int]:
         return [telegram[1] for telegram in self.telegrams]
@@ -160,6 +162,7 @@ def test_after_a_lost_answer_the_target_is_set_anew() -> None:
     bench = Bench()
     bench.drive(Twist(v=0.2), 1.0)
     bench.brick.silence_link()
+    bench.pause(TICK_S)
     bench.base.read(bench.now)  # what the brick got of it nobody knows
     bench.brick.restore_link()
     bench.spy.telegrams.clear()
@@ -421,3 +424,112 @@ def test_opening_ends_with_the_motors_held() -> None:
     opcodes = Bench().spy.opcodes()
     assert opcodes.index(0x04) < opcodes.index(0x21)
     assert 0x04 in opcodes[len(opcodes) - opcodes[::-1].index(0x21) :]
+
+
+# ----------------------------------------------------------------------- what cannot be stopped, and rates
+
+
+@pytest.mark.parametrize("way", ["silence_link", "cut_link", "power_off"])
+def test_a_wheel_that_stood_when_the_link_broke_is_stranded(way: str) -> None:
+    bench = Bench()
+    bench.drive(Twist(v=0.2), 1.0)
+    bench.brick.stall(2)
+    bench.drive(Twist(v=0.2), 0.16)  # too short for a stall
+    assert bench.kinds() == set()
+    getattr(bench.brick, way)()
+    bench.drive(Twist(v=0.2), 0.4)
+    told = {fault.kind: fault.evidence for fault in bench.base.faults(bench.now)}
+    assert told.keys() == {"link", "stranded"}
+    assert told["stranded"] == "right wheel"
+
+
+def test_a_stall_whose_hold_never_arrived_is_stranded() -> None:
+    bench = Bench()
+    bench.drive(Twist(v=0.2), 1.0)
+    bench.brick.stall(1)
+    handle = bench.brick.handle
+
+    def dies_at_the_hold(telegram: bytes) -> bytes | None:
+        if telegram == bytes.fromhex("8004ff000701002000000000"):
+            bench.brick.silence_link()
+        return handle(telegram)
+
+    bench.brick.handle = dies_at_the_hold  # type: ignore[method-assign]
+    bench.drive(Twist(v=0.2), 1.0)
+    assert bench.kinds() == {"stall", "link", "stranded"}
+    bench.brick.restore_link()
+    bench.brick.handle = handle  # type: ignore[method-assign]
+    bench.brick.release(1)
+    bench.base.stop(bench.now)
+    bench.drive(None, 2.0)
+    assert bench.kinds() == set()
+
+
+def test_a_turning_wheel_is_not_stranded() -> None:
+    for transport in (USB, BLUETOOTH):
+        for ticks in range(1, 12):
+            bench = Bench(transport)
+            bench.drive(Twist(v=0.15), ticks * TICK_S)
+            bench.brick.cut_link()
+            bench.drive(Twist(v=0.15), 0.4)
+            assert bench.kinds() == {"link"}
+
+
+def test_the_first_low_voltage_beeps_once() -> None:
+    bench = Bench()
+    bench.brick.set_battery(6600)
+    bench.drive(None, 16.0)
+    assert [t for t in bench.spy.telegrams if t[1] == 0x03] == [bytes.fromhex("8003b8012c01")]
+
+
+def test_the_measured_rate_is_told_and_fits_the_link() -> None:
+    for transport, low, high in ((USB, 20.0, 50.0), (BLUETOOTH, 5.0, 8.0)):
+        bench = Bench(transport)
+        bench.drive(Twist(v=0.1), 3.0)
+        rate = bench.base.measured_rate_hz
+        assert rate is not None
+        assert low <= rate <= high
+        bench.brick.cut_link()
+        bench.drive(None, 0.5)
+        assert bench.base.measured_rate_hz is None
+
+
+def test_a_usb_base_asked_faster_than_it_likes_keeps_to_fifty_a_second() -> None:
+    bench = Bench()
+    bench.spy.telegrams.clear()
+    for _ in range(200):
+        bench.base.read(bench.now)
+        bench.pause(0.005)
+    assert bench.spy.opcodes().count(0x06) == pytest.approx(2 * 50, abs=4)
+
+
+def test_a_dead_link_is_tried_ever_more_rarely_but_at_least_every_five_seconds() -> None:
+    bench = Bench()
+    bench.brick.silence_link()
+    bench.drive(None, 20.0)
+    tries = []
+    for _ in range(500):
+        bench.spy.telegrams.clear()
+        bench.tick(None)
+        if bench.spy.telegrams:
+            tries.append(bench.now)
+    pauses = [after - before for before, after in pairwise(tries)]
+    assert all(4.9 <= pause <= 5.1 for pause in pauses)
+    assert len(pauses) >= 2
+
+
+@pytest.mark.parametrize("transport", [USB, BLUETOOTH], ids=["usb", "bluetooth"])
+def test_wheels_that_falter_are_no_stall(transport: NxtSettings) -> None:
+    bench = Bench(transport)
+    for _ in range(12):
+        bench.drive(Twist(v=0.12), 0.4)
+        bench.pause(0.28)  # a late loop: the pulse runs out
+        bench.base.send(Twist(v=0.12), bench.now)
+    assert bench.kinds() == set()
+
+
+def test_wheels_only_are_held_if_the_third_motor_is_somebody_elses() -> None:
+    bench = Bench(replace(USB, hold_ports=(1, 2)))
+    bench.spy.telegrams.clear()
+    bench.base.stop(bench.now)
+    assert [t.hex() for t in bench.spy.telegrams] == [f"80040{p}000701002000000000" for p in (1, 2)]

@@ -211,3 +211,57 @@ def test_which_brick_is_chosen() -> None:
         chosen([one, two], "")
     with pytest.raises(DeviceError, match="CC; there: AA, BB"):
         chosen([one, two], "CC")
+
+
+class Bus:
+    """A USB bus: what is plugged in, found as `find_brick` finds it; a device that left raises ENODEV."""
+
+    def __init__(self, *bricks: FakeBrick) -> None:
+        self.there = list(bricks)
+
+    def find(self, serial: str) -> FakeBrick:
+        return chosen(self.there, serial)
+
+    def unplug(self, brick: FakeBrick) -> None:
+        self.there.remove(brick)
+        brick.error = usb.core.USBError("No such device (it may have been disconnected)", errno=errno.ENODEV)
+
+
+def test_a_brick_that_returns_at_another_address_is_found_by_its_serial_number() -> None:
+    ours, other = FakeBrick("AA"), FakeBrick("BB")
+    bus = Bus(ours, other)
+    link = UsbLink(lambda: bus.find("AA"))
+    bus.unplug(ours)
+    for _ in range(3):  # gone: told each time, never the other brick
+        with pytest.raises(DeviceError):
+            link.write(b"\x00\x0b")
+    back = FakeBrick("AA", addresses=(0x02, 0x81))  # another device on another address of the bus
+    bus.there.append(back)
+    link.write(b"\x00\x0b")
+    back.replies.append(b"\x02\x0b\x00\x40\x1f")
+    assert link.read(0.1) == b"\x02\x0b\x00\x40\x1f"
+    assert back.written[0][:2] == (0x02, b"\x00\x0b")
+    assert other.written == []
+    assert ours.disposed == 1
+
+
+def test_a_brick_unplugged_between_question_and_answer_is_told_and_found_again() -> None:
+    ours = FakeBrick("AA")
+    bus = Bus(ours)
+    link = UsbLink(lambda: bus.find(""))
+    link.write(b"\x00\x0b")
+    bus.unplug(ours)
+    with pytest.raises(DeviceError, match="unplugged"):
+        link.read(0.1)
+    bus.there.append(FakeBrick("AA"))
+    link.write(b"\x00\x0b")
+    assert bus.there[0].written
+
+
+def test_serial_half_a_telegram_from_before_is_thrown_away_at_opening(wire) -> None:  # type: ignore[no-untyped-def]
+    brick, path = wire
+    os.write(brick, b"\x05\x00\x02\x0b")
+    link = link_to(path)
+    os.write(brick, bytes.fromhex("0300 020100"))
+    assert link.read(0.2) == bytes.fromhex("020100")
+    link.close()

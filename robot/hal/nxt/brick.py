@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Callable
+from contextlib import suppress
 from typing import Final, TypeVar
 
 from robot.hal.interfaces import DeviceError
 from robot.hal.links import Link
 from robot.hal.nxt import lcp
+from robot.hal.nxt.pace import ExchangeTimes
 from robot.hal.nxt.replies import (
     DeviceInfo,
     InputValues,
@@ -28,25 +32,42 @@ class ReplyTimeoutError(DeviceError):
 
 
 class Brick:
-    """Client of one NXT brick.
+    """Client of one NXT brick, shared by the drivers of all that is plugged into it.
 
     Every method may raise DeviceError (an OSError): the link's own, `ReplyTimeoutError`, `ProtocolError` or
     `StatusError`. Motor commands are sent without asking for a reply, so that they cost one telegram and
     nobody waits; whether they were obeyed is seen in the next `output_state`.
 
-    reply_timeout: seconds to wait for one telegram. At most four foreign ones (a late answer to a request
-    that timed out) are passed over.
+    Each exchange is one piece: drivers in several threads wait for each other, so nobody waits for longer
+    than the exchange under way and his own. Each driver calls `retain` when it begins and `release` at its
+    end; the last one's closes the link. `close` closes it at once.
+
+    reply_timeout: seconds to wait for one answer. At most four foreign ones (a late answer to a request that
+    timed out) are passed over meanwhile. clock: seconds, to measure exchanges with (`times`) and to keep the
+    time-out when telegrams trickle in: time.monotonic on a real link; without one exchanges take no time,
+    which is true in lockstep.
 
     >>> from robot.hal.links import MemoryLink
     >>> Brick(MemoryLink(lambda telegram: bytes.fromhex("020b00b81e"))).battery_mv()
     7864
     """
 
-    def __init__(self, link: Link, reply_timeout: float = 0.1) -> None:
+    def __init__(
+        self, link: Link, reply_timeout: float = 0.1, clock: Callable[[], float] | None = None
+    ) -> None:
         self._link = link
         self._reply_timeout = reply_timeout
+        self._clock = clock or (lambda: 0.0)
+        self._lock = threading.Lock()
+        self._users = 0
+        self.times = ExchangeTimes()
+        """How long exchanges took."""
         # Answers to somebody else's questions may wait in the link.
         self._stale = True
+
+    def seconds(self) -> float:
+        """The measuring clock's time, 0 without one: to tell how long a call took."""
+        return self._clock()
 
     # ------------------------------------------------------------------------------------------ motors
 
@@ -116,7 +137,7 @@ class Brick:
     # ----------------------------------------------------------------------------------------- sensors
 
     def set_input_mode(self, port: int, sensor_type: int, sensor_mode: int) -> None:
-        """Say which sensor sits on input 0-3."""
+        """Say which sensor sits on input 0-3 (waits for the reply)."""
         self._ask(lcp.set_input_mode(port, sensor_type, sensor_mode))
 
     def input_values(self, port: int) -> InputValues:
@@ -124,8 +145,8 @@ class Brick:
         return self._ask(lcp.get_input_values(port))
 
     def ls_write(self, port: int, data: bytes, reply_bytes: int) -> None:
-        """Start a transaction on the sensor bus."""
-        self._ask(lcp.ls_write(port, data, reply_bytes))
+        """Start a transaction on the sensor bus; whether it went well `ls_ready_bytes` tells."""
+        self._tell(lcp.ls_write(port, data, reply_bytes))
 
     def ls_ready_bytes(self, port: int) -> int | None:
         """How many bytes the sensor answered, None while it has not yet."""
@@ -142,21 +163,48 @@ class Brick:
 
     # ------------------------------------------------------------------------------------------ within
 
+    def retain(self) -> None:
+        """One driver more uses this brick."""
+        with self._lock:
+            self._users += 1
+
+    def release(self) -> None:
+        """A driver is done; the last one's release closes the link."""
+        with self._lock:
+            self._users -= 1
+            last = self._users <= 0
+        if last:
+            self.close()
+
     def close(self) -> None:
-        """Release the link. May be called twice."""
-        self._link.close()
+        """Release the link, whoever uses it. May be called twice."""
+        with self._lock:
+            self._link.close()
 
     def _tell(self, request: lcp.Request[None]) -> None:
-        self._link.write(request.silent)
+        with self._lock:
+            self._link.write(request.silent)
 
     def _ask(self, request: lcp.Request[R]) -> R:
-        if self._stale:
-            self._drain()
-        self._link.write(request.telegram)
-        self._stale = True
+        with self._lock:
+            began = self._clock()
+            if self._stale:
+                self._drain()
+            self._link.write(request.telegram)
+            self._stale = True
+            try:
+                value = self._answer_to(request)
+            except StatusError:
+                self.times.took(self._clock() - began)
+                raise
+            self.times.took(self._clock() - began)
+            return value
+
+    def _answer_to(self, request: lcp.Request[R]) -> R:
+        deadline = self._clock() + self._reply_timeout
         foreign: ProtocolError | None = None
         for _ in range(_MOST_FOREIGN + 1):
-            reply = self._link.read(self._reply_timeout)
+            reply = self._link.read(max(0.0, deadline - self._clock()))
             if reply is None:
                 break
             try:
@@ -173,6 +221,8 @@ class Brick:
 
     def _drain(self) -> None:
         """Throw away answers that came after their time-out: they would answer the wrong question."""
-        for _ in range(_MOST_FOREIGN):
-            if self._link.read(0.0) is None:
-                return
+        # A link that breaks meanwhile is mended, or complains, when the question is written.
+        with suppress(OSError):
+            for _ in range(_MOST_FOREIGN):
+                if self._link.read(0.0) is None:
+                    return

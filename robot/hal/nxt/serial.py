@@ -84,10 +84,13 @@ def open_serial_port(path: str) -> Any:
     import serial
 
     try:
-        return serial.Serial(
+        port = serial.Serial(
             path, baudrate=115200, timeout=0.0, write_timeout=_WRITE_TIMEOUT_S, exclusive=True
         )
+        # Half a telegram from before would put us out of step.
+        port.reset_input_buffer()
     except serial.SerialException as error:
         raise DeviceError(
             f"the serial port {path} cannot be opened: {error}; bind the brick with `rfcomm bind` first"
         ) from error
+    return port

@@ -3,7 +3,9 @@
 The dead-man. Stock firmware has none, but a motor with a tacho limit stops by itself at its target. The
 firmware adds each limit to its previous *target*, so the host mirrors the target (the sum of all limits) and
 tops it up to no more than the lead: what the wheel turns in one pulse. A host or link that dies leaves a
-wheel that runs out its lead and coasts. All counts here are degrees of the motor shaft, forward positive.
+wheel that runs out its lead and coasts. Where the wheel is between two readings is told from the slower of
+its measured and its commanded speed: a target too near makes a wheel falter, one too far outlives its pulse.
+All counts here are degrees of the motor shaft, forward positive.
 """
 
 from __future__ import annotations
@@ -12,12 +14,26 @@ import math
 from dataclasses import dataclass, replace
 from typing import Final
 
+from robot.hal.nxt.lcp import RunState
 from robot.hal.nxt.replies import OutputState
 
 # From the telegram to a turning wheel: latency, the first regulation period, the rotor's inertia.
 _START_LAG_S: Final = 0.1
+# A wheel that starts is hardly ever further behind an even rate than this; it is taken to move for a while,
+# because two readings tell no speed yet.
+_FIRST_LAG_S: Final = 0.17
+_START_S: Final = 0.35
 # Until the firmware's regulation has swung in after a new speed.
 _SETTLING_S: Final = 0.6
+# A settled wheel that turned less than this share of its way between two readings may be about to stall.
+_LAGGING_SHARE: Final = 0.8
+# Less than this share is next to no motion.
+_CRAWLING_SHARE: Final = 0.3
+# So much less than a stall is enough to fear for the wheel when the link breaks.
+_STRANDED_S: Final = 0.08
+_STRANDED_TRAVEL_DEG: Final = 8.0
+# One degree alone may be the encoder's last digit or the gears' play.
+_MOTION_DEG: Final = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +49,7 @@ class WheelSettings:
     """
 
     pulse_s: float = 0.3
-    lead_share: float = 0.8
+    lead_share: float = 0.6
     lead_slack_deg: float = 5.0
     degrees_per_second_per_power: float = 10.0
     loop_gain: float = 0.03
@@ -91,12 +107,16 @@ class Wheel:
         self._target = 0.0
         self._tacho = Sample(0.0, 0.0)
         self._speed = 0.0
+        self._start_at = -math.inf
+        self._start_rate = 0.0
         self._behind = 0.0
         self._settled_rate = 0.0
         self._settled_at = 0.0
         self._still_since = 0.0
         self._still_at = 0.0
         self._demand = 0.0
+        self._seen_still = False
+        self._lags = False
 
     # ----------------------------------------------------------------------------------------- commands
 
@@ -113,17 +133,19 @@ class Wheel:
             limit = top_up(self._target, self._tacho_at(now), direction, lead, ceiling)
         self.rate = rate
         if limit is None:
-            return Order(power, max(1, math.floor(lead)), anew=True)
+            return Order(power, max(1, math.floor(abs(rate) * self.settings.pulse_s)), anew=True)
         if limit == 0 and power == self._power:
             return None
         return Order(power, max(1, limit))
 
     def ordered(self, order: Order, now: float) -> None:
-        """The order went out: mirror what the firmware makes of it."""
+        """The order went out and arrives `now`: mirror what the firmware makes of it."""
         if order.anew:
             self._known = True
-            # Until the first reading: it follows the order after a short lag.
-            self._target, self._tacho, self._speed = 0.0, Sample(0.0, now + _START_LAG_S), self.rate
+            turns_round = self._speed * self.rate < 0
+            self._start_at = -math.inf if turns_round else now + _FIRST_LAG_S
+            self._start_rate = self.rate
+            self._target, self._tacho, self._speed = 0.0, Sample(0.0, now), 0.0
         self._power = order.power
         self._target += math.copysign(order.limit, order.power)
 
@@ -135,7 +157,7 @@ class Wheel:
         self._behind = 0.0
 
     def lost(self) -> None:
-        """The link broke: what the firmware's target is now nobody knows."""
+        """An exchange failed: what the firmware's target is now nobody knows."""
         self._known = False
 
     @property
@@ -152,14 +174,23 @@ class Wheel:
         before = self.sample
         self.sample = sample
         self._tacho = Sample(float(forward * state.tacho), now)
+        if abs(self._tacho.rotation) < abs(self._started_by(now)):
+            self._start_at = -math.inf  # it did not start as it should
+        self._speed = 0.0
         if before is None or now <= before.at:
             return
         turned, dt = sample.rotation - before.rotation, now - before.at
         self._speed = turned / dt
         if self.is_held:
             return
+        if state.run_state == RunState.IDLE:
+            # It ran into its target, or never heard of the last one: the mirror is worth nothing.
+            self._known = False
+            self._settled_at = now + _SETTLING_S
+            self._begin(now)
+            return
         self._correct(before, sample)
-        self._watch(sample, dt)
+        self._watch(before, sample)
 
     def jumped(self, state: OutputState, most: float) -> bool:
         """True if the brick was switched off meanwhile: it counts from 0, or by more than `most` degrees."""
@@ -175,13 +206,19 @@ class Wheel:
         self._speed = 0.0
 
     def stalled(self, now: float) -> bool:
-        """True if the wheel is told to turn, should have, and does not."""
-        s = self.settings
-        return (
-            not self.is_held
-            and now - self._still_since >= s.stall_s - 1e-9
-            and self._demand >= s.stall_travel_deg
-        )
+        """True if the wheel is told to turn, should have, and did not when it was last asked."""
+        return self._stands(now, self.settings.stall_s, self.settings.stall_travel_deg)
+
+    @property
+    def stands(self) -> bool:
+        """True if the wheel is told to turn and did not move lately, by its last readings."""
+        until = -math.inf if self.sample is None else self.sample.at
+        return self._stands(until, _STRANDED_S, _STRANDED_TRAVEL_DEG)
+
+    @property
+    def lags(self) -> bool:
+        """True if it turned much less than it should between the last readings: worth asking again soon."""
+        return not self.is_held and self._lags
 
     # ------------------------------------------------------------------------------------------- within
 
@@ -192,7 +229,8 @@ class Wheel:
         """A new start from standing, or the other way round: old errors are no guide."""
         self._behind = 0.0
         self._settled_rate = 0.0
-        self._still_since, self._demand = now + _START_LAG_S, 0.0
+        self._lags = False
+        self._still_since, self._demand, self._seen_still = now + _START_LAG_S, 0.0, False
         self._still_at = self.sample.rotation if self.sample else 0.0
 
     def _correct(self, before: Sample, sample: Sample) -> None:
@@ -207,11 +245,28 @@ class Wheel:
         if abs(rate - self._settled_rate) > 0.2 * abs(self._settled_rate) + 20.0:
             self._settled_rate, self._settled_at = rate, now + _SETTLING_S
 
-    def _watch(self, sample: Sample, dt: float) -> None:
-        self._demand += abs(self.rate) * dt
-        # Two degrees: one alone may be the encoder's last digit or the gears' play.
-        if abs(sample.rotation - self._still_at) >= 2.0:
-            self._still_since, self._still_at, self._demand = sample.at, sample.rotation, 0.0
+    def _stands(self, until: float, seconds: float, travel_deg: float) -> bool:
+        return (
+            not self.is_held
+            and self._seen_still
+            and until - self._still_since >= seconds - 1e-9
+            and self._demand >= travel_deg
+        )
+
+    def _watch(self, before: Sample, sample: Sample) -> None:
+        """Note since when it stands. Readings may be rare: one that moved too little stopped on its way."""
+        dt, turned = sample.at - before.at, abs(sample.rotation - before.rotation)
+        due = abs(self.rate) * dt
+        settled = before.at >= self._settled_at - _SETTLING_S / 2
+        self._lags = settled and turned < _LAGGING_SHARE * due
+        if abs(sample.rotation - self._still_at) < _MOTION_DEG:
+            self._demand += due
+            self._seen_still = True
+            return
+        moving_s = dt * min(1.0, turned / due)
+        self._still_since = max(self._still_since, before.at + moving_s)
+        self._still_at, self._seen_still = sample.rotation, settled and turned < _CRAWLING_SHARE * due
+        self._demand = abs(self.rate) * (dt - moving_s)
 
     def _power_for(self, rate: float) -> int:
         s = self.settings
@@ -227,13 +282,19 @@ class Wheel:
         return max(abs(rate) * self.settings.pulse_s * self.settings.lead_share, 1.0)
 
     def _tacho_at(self, now: float) -> float:
-        """Where the count is now: over Bluetooth the last reading is a good part of a pulse old."""
+        """Where the count is now at least: over Bluetooth the last reading is a good part of a pulse old."""
         read = self._tacho
-        to_target = self._target - read.rotation
-        moved = self._speed * max(0.0, now - read.at)
-        if moved * to_target <= 0:
-            return read.rotation
-        return read.rotation + math.copysign(min(abs(moved), abs(to_target)), moved)
+        direction = 1 if self._target >= read.rotation else -1
+        moved = 0.0
+        if self._speed * direction > 0:
+            moved = min(abs(self._speed), abs(self.rate)) * max(0.0, now - read.at)
+        moved = max(moved, direction * (self._started_by(now) - read.rotation))
+        return read.rotation + direction * min(moved, abs(self._target - read.rotation))
+
+    def _started_by(self, now: float) -> float:
+        """Where the count is soon after a start if all is well."""
+        since = now - self._start_at
+        return self._start_rate * since if 0.0 < since < _START_S else 0.0
 
 
 def between(first: Sample, second: Sample, at: float) -> Sample:

@@ -22,6 +22,8 @@ _STREAM: Final = "/?action=stream"
 _MOST_BROKEN: Final = 10
 # What is taken from the socket at one go, so that a server that sends without pause is not read for ever.
 _MOST_DRAINED_BYTES: Final = 4 << 20
+_THIS_COMPUTER: Final = ("127.0.0.1", "::1", "localhost")
+_OLDEST_S: Final = 2.0
 
 
 class HttpSource:
@@ -131,8 +133,14 @@ class HttpSource:
                 )
             return None
         self._broken = 0
-        at = arrival if stamp is None else self._stamps.captured_at(stamp, arrival)
-        return TimedImage(image, at)
+        return TimedImage(image, arrival if stamp is None else self._captured_at(stamp, arrival))
+
+    def _captured_at(self, stamp: float, arrival: float) -> float:
+        """A server on this computer stamps by this computer's clock; any other clock has to be found out."""
+        age = self._monotonic() - stamp
+        if self._address.host in _THIS_COMPUTER and 0.0 <= age <= _OLDEST_S:
+            return arrival - age
+        return self._stamps.captured_at(stamp, arrival)
 
     def _check_silence(self) -> None:
         if self._monotonic() - self._heard_at > self._silence:

@@ -47,7 +47,7 @@ class Expected:
     """What an eye is to give: picture size (width, height); none older than max_age seconds."""
 
     size: tuple[int, int]
-    max_age: float = 0.5
+    max_age: float = 0.45
 
 
 def diagnosis(

@@ -165,10 +165,13 @@ class Reader:
             self._source.close()
 
 
-def wait_all_newer(readers: tuple[Reader, ...], at: float, timeout: float) -> bool:
-    """Wait until every reader has a picture captured after `at`, together at most `timeout` seconds."""
+def wait_all_newer(readers: tuple[Reader, ...], since: tuple[float, ...], timeout: float) -> bool:
+    """Wait until every reader has a picture captured after its time in `since`, `timeout` seconds in all."""
     until = time.monotonic() + timeout
-    return all(reader.wait_newer(at, max(0.0, until - time.monotonic())) for reader in readers)
+    return all(
+        reader.wait_newer(at, max(0.0, until - time.monotonic()))
+        for reader, at in zip(readers, since, strict=True)
+    )
 
 
 def _words(error: Exception) -> str:

@@ -29,9 +29,12 @@ class _Eyes:
         self._closed = False
 
     def wait_newer(self, timeout: float) -> bool:
-        """Wait until every eye has a picture newer than the newest pair; False after `timeout` seconds."""
-        at = -float("inf") if self._last is None else self._last.captured_at
-        return wait_all_newer(tuple(self._readers.values()), at, timeout)
+        """Wait until every eye has a picture newer than that of the newest pair; False after `timeout` s."""
+        return wait_all_newer(tuple(self._readers.values()), self._seen_at(), timeout)
+
+    def _seen_at(self) -> tuple[float, ...]:
+        """Of each eye, when the picture shown last was taken."""
+        return (-float("inf") if self._last is None else self._last.captured_at,)
 
     def faults(self, now: float) -> tuple[Fault, ...]:
         """What is wrong; the evidence says with which eye."""
@@ -84,7 +87,7 @@ class WebcamPair(_Eyes):
         clock: Clock,
         rate_hz: float,
         size: tuple[int, int],
-        max_age: float = 0.5,
+        max_age: float = 0.45,
     ) -> None:
         if rate_hz <= 0:
             raise ValueError(f"rate_hz must be positive, got {rate_hz}")
@@ -107,6 +110,9 @@ class WebcamPair(_Eyes):
             self._show(*pair)
         return self._last
 
+    def _seen_at(self) -> tuple[float, ...]:
+        return self._shown
+
     def faults(self, now: float) -> tuple[Fault, ...]:
         """What is wrong; looks for a newer pair first."""
         self.latest(now)
@@ -120,7 +126,7 @@ class SideBySideCamera(_Eyes):
     but nothing can be unpaired.
     """
 
-    def __init__(self, reader: Reader, clock: Clock, size: tuple[int, int], max_age: float = 0.5) -> None:
+    def __init__(self, reader: Reader, clock: Clock, size: tuple[int, int], max_age: float = 0.45) -> None:
         super().__init__({"the camera": reader}, Expected((2 * size[0], size[1]), max_age), clock)
         self._reader = reader
         self._width = size[0]
