@@ -22,6 +22,8 @@ class ArmKeeper:
         """One tick. Stopping is repeated for as long as it moves; nothing is taken up again by itself."""
         state = self._arm.read(situation.now)
         if stop:
+            self.share = 0.0
+            self._arm.limit_speed(0.0, situation.now)  # an order that somebody gives meanwhile moves nothing
             if state.moving or not self._stopped:
                 self._arm.stop(situation.now)
             self._stopped = True

@@ -41,8 +41,9 @@ class FaultWatch:
         self._late: tuple[float, float] | None = None
 
     def remember(self, fault: Fault) -> None:
-        """A mistake of the program itself: it does not go away."""
-        self._own.append(fault)
+        """A mistake of the program itself: it does not go away. The first of a kind is kept."""
+        if all(fault.key != known.key for known in self._own):
+            self._own.append(fault)
 
     def gather(
         self, now: float, percepts: Percepts, silent: bool, near: Near | None = None

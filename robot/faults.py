@@ -129,7 +129,8 @@ TABLE: dict[str, Row] = {
         STOP,
         0.3,
         "it answers again (tried again by itself)",
-        "the brick does not answer: check its cable, power and Bluetooth pairing",
+        "the brick does not answer: check its cable, power and Bluetooth pairing; "
+        "if a wheel still pushes, switch the brick off",
     ),
     "base.stall": Row(
         STOP,
@@ -187,7 +188,7 @@ TABLE: dict[str, Row] = {
         STOP,
         0.5,
         "it answers again (tried again by itself)",
-        "the arm's controller does not answer: check its cable and address",
+        "the arm's controller does not answer: press its red button if it moves, check its cable and address",
     ),
     "arm.fault": Row(
         HALT,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import TypeVar
 
 from robot import authority, faults
 from robot.clock import Clock
@@ -18,6 +19,7 @@ from robot.lamp_control import LampWatch, lamp_level
 from robot.loop_interfaces import BodyLike, ChartLike, Devices, LoopSettings, PerceptionLike, StateLike
 from robot.messages import (
     Clearance,
+    Command,
     Event,
     Fault,
     HeadPose,
@@ -35,8 +37,11 @@ from robot.messages import (
 from robot.pose_history import PoseHistory
 from robot.status_line import status_line
 
+T = TypeVar("T")
+
 GLANCE_WITHIN = 0.5  # metres: unseen floor nearer than this is worth a look down
 TELL_EVERY = 0.5  # seconds between two status lines for the person at the stick
+BEGIN_AUTONOMY = ("armed", "teleop_resumed")
 AUTONOMOUS = ("search", "recognize", "range", "track", "avoid")
 
 
@@ -92,7 +97,8 @@ class Loop:
         odometry = self._devices.base.read(now)
         head = self._devices.head.read(now)
         near = self._devices.near.read(now) if self._devices.near is not None else None
-        view, percepts = self._see(now, odometry, head)
+        nothing: tuple[View | None, Percepts] = (None, Percepts())
+        view, percepts = self._guarded("seeing", lambda: self._see(now, odometry, head), nothing, now)
         situation = Situation(now, percepts, odometry, head)
         verdict = self._listen(now)
         active = self._watch.gather(now, percepts, verdict.silent, near)
@@ -141,6 +147,15 @@ class Loop:
             self._perception.submit(view, self._intent.wants, now)
         return view, self._perception.collect(now)
 
+    def _guarded(self, where: str, work: Callable[[], T], otherwise: T, now: float) -> T:
+        """A mistake of the program must stop the wheels, not end the process: the person needs the loop."""
+        try:
+            return work()
+        except Exception as error:
+            words = f"{self._chart.leaf}: {where}: {type(error).__name__}: {error}"
+            self._watch.remember(Fault("loop", "error", now, words))
+            return otherwise
+
     # --------------------------------------------------------------------------------------- decide
 
     def _listen(self, now: float) -> authority.Verdict:
@@ -176,7 +191,7 @@ class Loop:
             self._enter(leaf, situation)
         if action is faults.Action.HALT and leaf != "halted":
             return (self._go(_fault_event("fault_halted", active, action), situation),)
-        if verdict.event is not None:
+        if verdict.event is not None and not _refused(verdict.event, active):
             return (self._go(verdict.event, situation),)
         if action >= faults.Action.STOP and leaf in AUTONOMOUS:
             if not self._stopped:
@@ -201,12 +216,8 @@ class Loop:
             return []
 
     def _step(self, leaf: str, situation: Situation) -> tuple[Intent, Event | None]:
-        try:
-            return self._states[leaf].step(situation)
-        except Exception as error:  # a state's mistake must stop the wheels, not end the process
-            words = f"{leaf}: {type(error).__name__}: {error}"
-            self._watch.remember(Fault("loop", "error", situation.now, words))
-            return Intent(), None
+        standing: tuple[Intent, Event | None] = (Intent(), None)
+        return self._guarded("step", lambda: self._states[leaf].step(situation), standing, situation.now)
 
     def _go(self, event: Event, situation: Situation) -> Transition:
         """Take a transition. The wheels stand before the chart moves: sending runs other code."""
@@ -221,7 +232,7 @@ class Loop:
 
     def _enter(self, leaf: str, situation: Situation) -> None:
         self._entered = True
-        self._states[leaf].enter(situation)
+        self._guarded("enter", lambda: self._states[leaf].enter(situation), None, situation.now)
 
     # ------------------------------------------------------------------------------------------ act
 
@@ -236,7 +247,13 @@ class Loop:
         now, pose, percepts = situation.now, situation.odometry.pose, situation.percepts
         leaf = self._chart.leaf
         teleop = leaf == "teleop"
-        command = self._body.command(self._intent, situation.odometry, self._blocked_by_unknown, now)
+        command = self._guarded(
+            "body",
+            lambda: self._body.command(self._intent, situation.odometry, self._blocked_by_unknown, now),
+            # Expired, so that the guard stops; a person at the stick needs no body to drive on.
+            Command(expires_at=now + self._settings.period if teleop else 0.0),
+            now,
+        )
         if teleop:
             command = replace(command, twist=verdict.twist)
         command = replace(command, lamp=self._lamp(percepts, now))
@@ -293,6 +310,11 @@ class Loop:
             twist = devices.base.send(sent.twist, now)
         head = devices.head.send(sent.head, now) if sent.head is not None else None
         return replace(sent, twist=twist, head=head, lamp=devices.lamp.send(sent.lamp, now))
+
+
+def _refused(event: Event, active: tuple[Fault, ...]) -> bool:
+    """Autonomy is not begun over a fault that would end it at once."""
+    return event.name in BEGIN_AUTONOMY and faults.worst_action(active) is faults.Action.HALT
 
 
 def _fault_event(name: str, active: tuple[Fault, ...], action: faults.Action) -> Event:

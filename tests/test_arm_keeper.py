@@ -61,6 +61,17 @@ def test_a_stop_is_told_at_once_and_again_while_it_moves() -> None:
     assert len(told(arm, "stop")) == 3, "it stands: nothing more to say"
 
 
+def test_an_order_given_during_a_stop_moves_nothing() -> None:
+    arm = moving_arm()
+    keeper = ArmKeeper(arm, ArmGuardSettings())
+    for tick in range(1, 26):
+        keeper.act(situation(0.04 * tick), stop=True)
+        arm.move_joints((1.0, 0.0, 0.0, 0.0, 0.0, 0.0), 1.0, 0.04 * tick)
+    assert arm.read(1.1).joints[0] < 0.1
+    keeper.act(situation(1.2), stop=False)
+    assert keeper.share == 1.0
+
+
 def test_a_stop_is_told_to_an_arm_that_stands_too() -> None:
     """Its state may be old: the first stop never waits for it."""
     arm = MockArm()

@@ -404,3 +404,42 @@ def test_closing_stops_the_wheels_and_puts_the_lamp_out():
     bench.loop.close()
     assert bench.base.calls[-1].method == "stop"
     assert bench.lamp.calls[-1].args == (0.0,)
+
+
+@pytest.mark.parametrize("where", ["body", "submit", "enter"])
+def test_a_mistake_anywhere_stands_halted_and_leaves_the_person_the_stick(where):
+    bench = Bench().in_state("armed")
+    bench.run(5)
+
+    def mistake(*_, **__):
+        raise ZeroDivisionError("a mistake")
+
+    if where == "body":
+        bench.loop._body.command = mistake
+    elif where == "submit":
+        bench.perception.submit = mistake
+    else:
+        bench.states["halted"].enter = mistake
+        bench.states["search"].error = ZeroDivisionError("a mistake")
+    tick = bench.run(2)
+    assert tick.state == "halted"
+    assert tick.sent.twist.is_zero
+    bench.run(100)
+    (error,) = [fault for fault in bench.run().faults if fault.key == "loop.error"]
+    assert "a mistake" in error.evidence
+    bench.teleop.say(TeleopInput(at=bench.clock.now() + 0.04, take=True))
+    assert bench.run(2).state == "teleop"
+    for _ in range(5):
+        bench.teleop.say(TeleopInput(at=bench.clock.now() + 0.04, v=-1.0))
+        tick = bench.run()
+    assert tick.sent.twist.v < 0.0
+
+
+def test_autonomy_is_not_begun_over_a_fault_that_would_end_it_at_once():
+    bench = Bench().in_state("armed")
+    bench.perception.fault = "size"
+    bench.run(2)
+    bench.teleop.say(TeleopInput(at=bench.clock.now() + 0.04, take=True))
+    assert bench.run(2).state == "teleop"
+    bench.teleop.say(TeleopInput(at=bench.clock.now() + 0.04, arm=True))
+    assert {bench.run().state for _ in range(5)} == {"teleop"}
