@@ -35,7 +35,7 @@ from robot.nav.grid import ObstacleMap
 from robot.target import TargetFollower, TargetSight
 from robot.target_range import TargetRanger
 from robot.vision import freespace, ground, health, passage
-from robot.vision.egomotion import EgoMotionEstimator
+from robot.vision.egomotion import EgoMotionEstimator, Looks
 from robot.vision.stereo import FloorAlignedMatcher, SemiGlobalMatcher
 from robot.vision_schedule import Budget, VisionSchedule
 from robot.workers import Job, Result, Worker
@@ -91,6 +91,7 @@ class Perception:
         self._follower = TargetFollower(rig, recognizer, ranger)
         self._motion = EgoMotionEstimator(rig, mount)
         self._displacement = Displacement()
+        self._long_look: Timed[EgoMotion] | None = None
         self._percepts = Percepts()
         self._seed: tuple[View, Detection] | None = None
         self._previous: View | None = None
@@ -144,6 +145,10 @@ class Perception:
             self.map.start_disc(self._previous.base, self._config.base.radius_m + HANDS_WIDTH, at)
         self.forget_target()
         self._percepts = replace(self._percepts, place=None, free_space=None)
+
+    def set_down(self) -> None:
+        """A person says, by arming, that the base stands on the floor: it is waited for no longer."""
+        self._displacement = displacement.set_down(self._displacement)
 
     def faults(self, now: float) -> tuple[Fault, ...]:
         """Errors inside vision, lateness as long as rates are lowered, a base that was moved."""
@@ -215,7 +220,7 @@ class Perception:
         floor = freespace.merge(floor, floor.obstacles)
         return replace(floor, passage=passage.free_passage(*seen))
 
-    def _moved(self, view: View) -> EgoMotion | None:
+    def _moved(self, view: View) -> Looks:
         track = self._percepts.track  # the target may move by itself: what it shows says nothing of the base
         fresh = track is not None and not track.value.lost and track.age(view.frame.captured_at) <= FRESH_BOX
         return self._motion.update(view, track.value.box if track is not None and fresh else None)
@@ -243,8 +248,10 @@ class Perception:
             case FreeSpace() as free:
                 self.map.update(free, result.view.base, at)
                 self._percepts = replace(self._percepts, free_space=Timed(free, at))
-            case EgoMotion() as motion:
-                self._percepts = replace(self._percepts, motion=Timed(motion, at))
+            case Looks(short=short, long=long):
+                if short is not None:
+                    self._percepts = replace(self._percepts, motion=Timed(short, at))
+                self._long_look = Timed(long, at) if long is not None else self._long_look
             case Obstacles(points=points):
                 self.map.update(_only_obstacles(points), result.view.base, at)
             case EyesVerdict(swapped=swapped):
@@ -270,7 +277,7 @@ class Perception:
     def _judge_displacement(self, now: float) -> None:
         """Hold the eyes against the wheels; once a moved base stands again, its old place is forgotten."""
         before = self._displacement
-        self._displacement = displacement.updated(before, self._percepts.motion, now)
+        self._displacement = displacement.updated(before, self._percepts.motion, now, self._long_look)
         if before.told and not self._displacement.told:
             self.forget_place()
 

@@ -12,11 +12,12 @@ from hypothesis import strategies as st
 from robot import displacement, faults
 from robot.displacement import (
     CONTRADICTION,
-    PATIENCE_S,
+    LOOKS,
     SILENCE_S,
     STILL_S,
     Displacement,
     contradicts,
+    set_down,
     updated,
 )
 from robot.messages import EgoMotion, Pose2, Timed
@@ -29,6 +30,10 @@ STILL = EgoMotion(
 PUSHED = replace(STILL, eyes=Pose2(0.0, 0.036, 0.08), deviation=12.0)
 RISING = replace(STILL, lift=0.036, deviation=9.0)
 SINKING = replace(STILL, lift=-0.036, deviation=9.0)
+SLOW_PUSH = replace(STILL, eyes=Pose2(0.0, 0.04, 0.0), deviation=9.0)
+SLOW_LIFT = replace(STILL, lift=0.045, deviation=9.0)
+RISING_SLOWLY = replace(STILL, lift=0.006, deviation=1.4)
+SINKING_SLOWLY = replace(STILL, lift=-0.006, deviation=1.4)
 DRIVING = replace(STILL, wheels=Pose2(0.03), eyes=Pose2(0.0299))
 
 
@@ -55,7 +60,7 @@ def test_two_looks_that_contradict_the_wheels_are_the_fault() -> None:
     assert fault.key == "base.moved"
     assert fault.since == pytest.approx(4 * GAP)
     assert fault.evidence == (
-        "eyes: 3.6 cm, turn 4.6 deg, up 0.0 cm, lean 0.0 deg; wheels: 0.0 cm, turn 0.0 deg"
+        "eyes: 3.6 cm, turn 4.6 deg, up 0.0 cm, lean 0.0 deg; wheels: 0.0 cm, turn 0.0 deg; in 0.12 s"
     )
     assert faults.row(fault).action is faults.Action.STOP
 
@@ -125,9 +130,142 @@ def test_a_base_held_in_calm_hands_is_waited_for_until_it_is_set_down() -> None:
     assert not down.told
 
 
-def test_a_base_that_came_down_unseen_is_free_after_some_patience() -> None:
+def test_no_time_ends_it_for_a_base_that_was_not_seen_to_come_down() -> None:
     up = told([RISING] * 3)
-    assert not told([STILL] * math.ceil(PATIENCE_S / GAP + 1), 3 * GAP, up).told
+    assert up.away
+    held = told([STILL] * 1000, 3 * GAP, up)
+    assert held.told, "two minutes of calm"
+    assert updated(held, None, 1003 * GAP + 10 * SILENCE_S).told, "nor does seeing nothing"
+
+
+def test_a_person_may_say_that_it_stands() -> None:
+    up = told([RISING] * 3)
+    stands = set_down(told([STILL] * 30, 3 * GAP, up))
+    assert stands.told, "that alone does not end it, or hands could be at it again"
+    assert not told([STILL], 33 * GAP, stands).told
+    assert told([RISING], 33 * GAP, stands).told
+
+
+def test_a_base_that_goes_where_its_wheels_drive_it_is_on_the_floor() -> None:
+    up = told([RISING] * 3)
+    driven = told([DRIVING] * 4, 3 * GAP, up)
+    assert driven.told, "it has not stood still yet"
+    assert not driven.away
+    assert not told([STILL] * math.ceil(STILL_S / GAP), 7 * GAP, driven).told
+
+
+def test_a_base_that_rises_as_it_goes_where_its_wheels_drive_it_is_not_proved_to_be_on_the_floor() -> None:
+    carried = replace(DRIVING, lift=0.036, deviation=9.0)
+    assert told([carried] * 6, 3 * GAP, told([RISING] * 3)).away
+
+
+def test_turning_on_the_spot_as_the_wheels_say_proves_the_floor_as_well() -> None:
+    turning = replace(STILL, wheels=Pose2(yaw=0.1), eyes=Pose2(yaw=0.098))
+    assert not told([turning] * 6, 3 * GAP, told([RISING] * 3)).away
+
+
+@pytest.mark.parametrize(
+    "no_proof",
+    [
+        replace(STILL, wheels=Pose2(0.03), deviation=7.0),  # turning in the air
+        replace(STILL, wheels=Pose2(0.008), deviation=1.9),  # so slowly that it is no contradiction
+        replace(STILL, wheels=Pose2(yaw=0.04), deviation=2.0),
+        replace(STILL, wheels=Pose2(0.002), eyes=Pose2(0.002)),  # too little to tell
+        STILL,
+    ],
+)
+def test_wheels_that_turn_in_the_air_prove_nothing(no_proof: EgoMotion) -> None:
+    up = told([RISING] * 3)
+    assert told([DRIVING, *[no_proof] * 60], 3 * GAP, up).away
+    if no_proof is not STILL and no_proof.wheels.x != 0.002:
+        assert told([DRIVING, no_proof] * 40, 3 * GAP, up).away, "each of them begins the proof anew"
+
+
+# ----------------------------------------------------------------------------------------------- slow hands
+
+
+def told_slowly(
+    looks: list[tuple[EgoMotion, EgoMotion | None]], begin: float = 0.0, state: Displacement | None = None
+) -> Displacement:
+    """The state after looks from picture to picture, each with the long one of the same picture."""
+    state, long = state or Displacement(), None
+    for k, (short, over_long) in enumerate(looks):
+        at = begin + GAP * (k + 1)
+        if over_long is not None:
+            long = Timed(replace(over_long, since=at - 0.84), at)
+        state = updated(state, Timed(replace(short, since=at - GAP), at), at + 0.04, long)
+    return state
+
+
+def test_slow_hands_are_told_by_two_long_looks() -> None:
+    once = [(STILL, None), (STILL, SLOW_PUSH), (STILL, None)]
+    assert not told_slowly(once).told
+    state = told_slowly([*once, (STILL, SLOW_PUSH)])
+    (fault,) = displacement.faults(state)
+    assert fault.key == "base.moved"
+    assert fault.since == pytest.approx(4 * GAP)
+    assert fault.evidence.endswith("in 0.84 s")
+
+
+def test_a_long_and_a_short_look_of_one_odd_picture_are_not_two() -> None:
+    assert LOOKS == 2
+    assert contradicts(SLOW_PUSH)
+    assert not told_slowly([(STILL, None), (PUSHED, SLOW_PUSH), (STILL, None), (STILL, None)]).told
+
+
+def test_a_slow_lift_told_by_its_wheels_that_spin_counts_from_where_it_began() -> None:
+    """The wheels drive on, so short looks tell at once; the long one shows what it had risen by before."""
+    spinning = replace(RISING_SLOWLY, wheels=Pose2(0.03), deviation=6.0)
+    short = told([spinning] * 2)
+    assert not short.away
+    at = 3 * GAP
+    up = updated(short, None, at, Timed(replace(SLOW_LIFT, since=at - 0.84), at))
+    assert up.away
+    assert up.risen == pytest.approx(0.045)
+    later = Timed(replace(SLOW_LIFT, lift=-0.1, since=short.since or 0.0), at)
+    assert updated(short, None, at, later).risen == short.risen, (
+        "what it looks back to was in the air already"
+    )
+
+
+def test_a_slow_tip_counts_its_lean_from_where_it_began() -> None:
+    lean = replace(STILL, roll=0.1, pitch=0.05, deviation=9.0)
+    tipped = told_slowly([(STILL, lean), (STILL, lean)])
+    assert (tipped.rolled, tipped.pitched) == (0.1, 0.05)
+    assert tipped.away
+
+
+def test_two_long_looks_back_at_one_odd_picture_are_one() -> None:
+    state = Displacement()
+    for at in (1.0, 1.24, 1.48):
+        state = updated(state, None, at, Timed(replace(SLOW_PUSH, since=0.5), at))
+    assert not state.told
+    assert updated(state, None, 1.6, Timed(replace(SLOW_PUSH, since=0.9), 1.6)).told
+
+
+def test_long_looks_of_two_fixations_of_the_head_go_together_but_not_more() -> None:
+    first = updated(Displacement(), None, 1.0, Timed(replace(SLOW_PUSH, since=0.5), 1.0))
+    assert updated(first, None, 2.1, Timed(replace(SLOW_PUSH, since=1.6), 2.1)).told
+    assert not updated(first, None, 2.3, Timed(replace(SLOW_PUSH, since=1.8), 2.3)).told
+
+
+def test_after_a_slow_push_it_is_over_a_second_after_it_stands() -> None:
+    """The long looks still see the push for a while: they neither hold it nor begin it again."""
+    moved = told_slowly([(STILL, SLOW_PUSH), (STILL, SLOW_PUSH)])
+    assert moved.told
+    ticks = math.ceil(STILL_S / GAP)
+    after = told_slowly([(STILL, SLOW_PUSH)] * 6 + [(STILL, STILL)] * (ticks - 6), 2 * GAP, moved)
+    assert not after.told
+
+
+def test_what_a_slow_lift_rose_by_before_it_stood_out_counts() -> None:
+    """Seen 4.5 cm up when told, 3 cm more after it: it must come down by both."""
+    up = told_slowly([(RISING_SLOWLY, SLOW_LIFT)] * 2 + [(RISING_SLOWLY, None)] * 5)
+    assert up.risen == pytest.approx(0.045 + 5 * 0.006)
+    assert told([STILL] * 100, 7 * GAP, up).told
+    half = told([*[SINKING_SLOWLY] * 5, *[STILL] * 20], 7 * GAP, up)
+    assert half.told
+    assert not told([*[SINKING_SLOWLY] * 7, *[STILL] * 9], 32 * GAP, half).told
 
 
 def test_a_tipped_base_is_waited_for_as_well() -> None:
@@ -145,7 +283,7 @@ def test_eyes_that_see_nothing_for_long_do_not_hold_the_robot_for_ever() -> None
 
 
 @settings(deadline=None, max_examples=60)
-@given(st.lists(st.sampled_from([STILL, DRIVING, None]), max_size=60))
+@given(st.lists(st.sampled_from([STILL, DRIVING, RISING_SLOWLY, None]), max_size=60))
 def test_without_a_contradiction_it_is_never_told(looks: list[EgoMotion | None]) -> None:
     assert not told(looks).told
 

@@ -27,6 +27,7 @@ from robot.messages import (
 )
 from robot.nav.grid import ObstacleMap
 from robot.perception import HANDS_WIDTH, SEED_LIFE, STAGES, EyesVerdict, Obstacles, Perception
+from robot.vision.egomotion import Looks
 from robot.vision.textures import texture
 from robot.vision_schedule import BATCH_BUDGET
 from robot.workers import Job, Result, run
@@ -507,7 +508,7 @@ def look_on(bench: Bench, lifts: Sequence[float], begin: float, base: Pose2 | No
     for lift in lifts:
         at = round(at + 3 * TICK, 9)
         job = bench.job("motion", view(at, base=base), NONE)
-        bench.worker.finish(job, replace(looked(lift), since=at - 3 * TICK))
+        bench.worker.finish(job, Looks(short=replace(looked(lift), since=at - 3 * TICK)))
         bench.perception.collect(at)
     return at
 
@@ -533,6 +534,29 @@ def test_a_lifted_base_is_told_and_told_no_more_once_it_stands_again() -> None:
     down = look_on(bench, [-0.04, -0.04], up)
     assert [fault.key for fault in bench.perception.faults(down)] == ["base.moved"]
     still = look_on(bench, [0.0] * 9, down)
+    assert bench.perception.faults(still) == ()
+
+
+def test_two_long_looks_tell_a_base_that_slow_hands_lift() -> None:
+    bench = Bench()
+    for at in (1.0, 1.24):
+        assert bench.perception.faults(at) == ()
+        job = bench.job("motion", view(at), NONE)
+        long = replace(looked(0.04), since=at - 0.84)
+        bench.worker.finish(job, Looks(short=replace(looked(0.006), since=at - 0.12), long=long))
+        percepts = bench.perception.collect(at)
+        assert percepts.motion is not None
+        assert percepts.motion.value.lift == 0.006, "percepts show the look from picture to picture"
+    assert [fault.key for fault in bench.perception.faults(1.24)] == ["base.moved"]
+
+
+def test_a_lifted_base_is_waited_for_until_a_person_says_that_it_stands() -> None:
+    bench = Bench()
+    up = look_on(bench, [0.04, 0.04], 1.0)
+    held = look_on(bench, [0.0] * 100, up)
+    assert [fault.key for fault in bench.perception.faults(held)] == ["base.moved"]
+    bench.perception.set_down()
+    still = look_on(bench, [0.0], held)
     assert bench.perception.faults(still) == ()
 
 

@@ -19,6 +19,9 @@ from robot.sim.scene import load_scene
 REST = '[target]\nobject = "box"\nx = 2.9\ny = 0.3\nheading_deg = 180.0\n'
 
 
+SLOW_DETECTION_S = 1.0
+
+
 @dataclass
 class Watched:
     """When the fault was told and over, what was sent meanwhile, and how the looks before it were."""
@@ -77,3 +80,16 @@ def test_a_base_that_hands_move_is_told_in_time_stops_and_begins_its_map_anew(
     assert after < 1.3 * disc_cells, "only the place where it was set down"
     assert seen.looks > 0.7 * 8.0 * begin
     assert seen.deviation < 4.0, "as long as nobody touches it, searching, panning and driving are consistent"
+
+
+@pytest.mark.parametrize("kind", ["lifted_slowly", "tipped_slowly", "pushed_slowly"])
+def test_slow_hands_on_a_base_that_stands_are_noticed_within_a_second(
+    start: Callable[..., SimRun], kind: str
+) -> None:
+    """5 cm or 10 degrees a second, while it looks at the target and does not drive yet."""
+    begin = 0.9
+    seen = watch(start(InjectedFault("base", kind, begin)), begin, begin + 1.1)
+    assert len(seen.told) == 1
+    assert begin < seen.told[0] <= begin + SLOW_DETECTION_S
+    assert seen.sent_while_told == 0
+    assert not seen.over

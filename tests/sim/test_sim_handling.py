@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from robot.messages import Pose2
-from robot.sim.handling import LIFT_M, PUSH_S, PUSH_SPEED_M_S, PUSH_TURN_RAD_S, TIP_RAD
+from robot.sim.handling import KINDS, LIFT_M, QUICK, SLOW, TIP_RAD
 from robot.sim.injected import InjectedFault
 from robot.sim.scene import parse_scene
 from robot.sim.world import TICK_S, World
@@ -82,19 +82,37 @@ def test_a_pushed_base_goes_aside_turns_and_stays_there_while_its_wheels_stand()
     assert max(heights) - min(heights) < 0.005, "on the floor"
     end = track[-1][2]
     way = math.hypot(end.x - 1.5, end.y)
-    assert way == pytest.approx(PUSH_SPEED_M_S * PUSH_S, rel=0.15)
+    assert way == pytest.approx(QUICK.push * QUICK.push_s, rel=0.15)
     assert end.y > 0.15, "to its left"
-    assert end.yaw == pytest.approx(PUSH_TURN_RAD_S * PUSH_S, rel=0.2)
+    assert end.yaw == pytest.approx(QUICK.push_turn * QUICK.push_s, rel=0.2)
     assert np.abs(tachos(world)).max() * 0.028 < 0.4 * way, "the wheels slide"
     earlier = track[-10][2]
     assert (end.x, end.y, end.yaw) == pytest.approx((earlier.x, earlier.y, earlier.yaw), abs=1e-4)
     world.close()
 
 
-def test_a_wall_holds_a_push_up() -> None:
-    world = world_with(InjectedFault("base", "pushed", 0.04), robot={"x": 1.5, "y": 1.28, "heading_deg": 0.0})
+def test_slow_hands_lift_tip_and_push_as_far_but_slowly() -> None:
+    begin, at = 0.2, 1.0
+    lifted, tipped, pushed = (
+        run(world_with(InjectedFault("base", kind, begin)), begin + at)
+        for kind in ("lifted_slowly", "tipped_slowly", "pushed_slowly")
+    )
+    assert lifted[-1][0] - lifted[0][0] == pytest.approx(SLOW.lift * at, abs=0.006)
+    assert tipped[-1][1] == pytest.approx(SLOW.tip * at, abs=math.radians(1.0))
+    assert pushed[-1][2].y == pytest.approx(SLOW.push * at, rel=0.2)
+    assert max(height for height, _, _ in pushed) < 0.01, "on the floor"
+
+
+def test_every_way_of_handling_can_be_ordered() -> None:
+    for kind in KINDS:
+        assert InjectedFault("base", kind, 1.0).active(1.5)
+
+
+@pytest.mark.parametrize("kind", ["pushed", "pushed_slowly"])
+def test_a_wall_holds_a_push_up(kind: str) -> None:
+    world = world_with(InjectedFault("base", kind, 0.04), robot={"x": 1.5, "y": 1.28, "heading_deg": 0.0})
     touched: set[str] = set()
-    for _ in range(20):
+    for _ in range(20 if kind == "pushed" else 80):
         height, _, place = run(world, TICK_S)[-1]
         touched |= world.touched
         assert height < 0.02, "it does not climb"

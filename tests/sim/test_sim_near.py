@@ -22,7 +22,7 @@ def world():  # type: ignore[no-untyped-def]
 
 
 def driven(world: World, seconds: float, v: float):  # type: ignore[no-untyped-def]
-    """Drive straight on with bumper and sonar read each tick; yields (reading, clearance of the wall ahead)."""
+    """Drive straight on; yields what bumper and sonar say each tick."""
     config = Config()
     base = msgspec.structs.replace(config.base, bumper_ports="1", sonar_port="4")
     devices = open_simulated(world, msgspec.structs.replace(config, base=base))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -12,7 +12,7 @@ from rendered_pairs import MOUNT, RIG, TILT, Block, Room, render
 
 from calib.model import HeadMount
 from robot.messages import Box, EgoMotion, HeadPose, Pose2, StereoFrame, View
-from robot.vision.egomotion import EgoMotionEstimator
+from robot.vision.egomotion import LONG_EVERY_S, LONG_GAP_S, EgoMotionEstimator, Looks
 from robot.vision.rigid_fit import rotation_of
 
 ROOM = Room(
@@ -71,8 +71,15 @@ def view(
 
 def after(first: View, second: View, moving: Box | None = None) -> EgoMotion | None:
     estimator = EgoMotionEstimator(RIG, MOUNT)
-    assert estimator.update(first, moving) is None, "one picture says nothing"
-    return estimator.update(second)
+    assert estimator.update(first, moving) == Looks(), "one picture says nothing"
+    return estimator.update(second).short
+
+
+def over_long(looks: list[View], moving: Box | None = None) -> EgoMotion | None:
+    """The newest long look over these pictures."""
+    estimator = EgoMotionEstimator(RIG, MOUNT)
+    found = [look for look in (estimator.update(one, moving).long for one in looks) if look is not None]
+    return found[-1] if found else None
 
 
 START = Stand()
@@ -125,7 +132,9 @@ def test_a_base_moved_while_its_wheels_stand_is_seen_as_it_was_moved(end: Stand,
 
 def test_wheels_that_turn_on_and_on_while_the_base_stands_are_contradicted() -> None:
     estimator = EgoMotionEstimator(RIG, MOUNT)
-    looks = [estimator.update(view(START, GAP * (k + 1), wheels=Pose2(0.03 * k, 0.0, 0.0))) for k in range(3)]
+    looks = [
+        estimator.update(view(START, GAP * (k + 1), wheels=Pose2(0.03 * k, 0.0, 0.0))).short for k in range(3)
+    ]
     spinning, still_spinning = looks[1:]
     assert spinning is not None
     assert still_spinning is not None
@@ -162,7 +171,7 @@ def test_a_head_that_turns_may_read_a_little_late() -> None:
 def test_wheels_that_slip_a_tenth_in_a_steady_turn_are_no_contradiction() -> None:
     estimator = EgoMotionEstimator(RIG, MOUNT)
     looks = [
-        estimator.update(view(Stand(yaw=0.135 * k), GAP * (k + 1), wheels=Pose2(yaw=0.15 * k)))
+        estimator.update(view(Stand(yaw=0.135 * k), GAP * (k + 1), wheels=Pose2(yaw=0.15 * k))).short
         for k in range(3)
     ]
     steady = looks[-1]
@@ -223,10 +232,102 @@ def test_forgetting_takes_the_picture_before_away() -> None:
     estimator = EgoMotionEstimator(RIG, MOUNT)
     estimator.update(view(START, GAP))
     estimator.forget()
-    assert estimator.update(view(START, 2 * GAP)) is None
-    assert estimator.update(view(START, 3 * GAP)) is not None
+    assert estimator.update(view(START, 2 * GAP)) == Looks()
+    assert estimator.update(view(START, 3 * GAP)).short is not None
 
 
 def test_the_same_pictures_give_the_same_numbers() -> None:
     pair = view(START, GAP), view(Stand(x=0.03), 2 * GAP)
     assert after(*pair) == after(*pair)
+
+
+# ------------------------------------------------------------------------------------------ the long look
+
+LONG = 7 * GAP
+
+
+def slow(seconds: float, speed: dict[str, float]) -> list[View]:
+    """A picture, and one of so much later of a base that hands moved at this speed; its wheels stand."""
+    moved = Stand(**{name: rate * seconds for name, rate in speed.items()})
+    return [view(START, GAP), view(moved, GAP + seconds, wheels=Pose2())]
+
+
+@pytest.mark.parametrize(
+    "speed",
+    [
+        {"lift": 0.05},
+        {"y": 0.05},
+        {"x": -0.05},
+        {"roll": math.radians(6.0)},
+        {"pitch": math.radians(-6.0)},
+        {"yaw": math.radians(8.0)},
+    ],
+)
+def test_slow_hands_are_seen_over_most_of_a_second(speed: dict[str, float]) -> None:
+    long = over_long(slow(LONG, speed))
+    assert long is not None
+    assert long.deviation > 6.0
+    assert long.since == GAP
+    seen = {"x": long.eyes.x, "y": long.eyes.y, "yaw": long.eyes.yaw, "lift": long.lift, "roll": long.roll}
+    ((name, rate),) = speed.items()
+    assert seen.get(name, long.pitch) == pytest.approx(rate * LONG, rel=0.12)
+    assert long.dissent <= 0.1
+    assert long.inlier_share > 0.7
+
+
+@pytest.mark.parametrize("speed", [{"lift": 0.05}, {"yaw": math.radians(8.0)}])
+def test_slow_hands_do_not_stand_out_from_picture_to_picture(speed: dict[str, float]) -> None:
+    short = after(*slow(GAP, speed))
+    assert short is not None
+    assert short.deviation < 4.0
+
+
+def test_driving_turning_and_looking_about_is_consistent_over_a_long_look_too() -> None:
+    end = Stand(x=0.12, yaw=0.2, pan=0.14)
+    long = over_long([view(START, GAP), view(end, GAP + LONG)])
+    assert long is not None
+    assert long.deviation < 2.5
+
+
+def test_what_the_wheels_may_have_slipped_counts_all_they_did_not_only_where_they_ended() -> None:
+    """Forth and back again: the wheels say they are where they began, the base is 1.8 cm away."""
+    first, last = view(START, GAP), view(Stand(x=-0.018), GAP + LONG, wheels=Pose2())
+    away = [view(START, GAP * k, wheels=Pose2(0.1)) for k in (3, 4)]
+    restless, calm = over_long([first, *away, last]), over_long([first, last])
+    assert restless is not None
+    assert calm is not None
+    assert restless.deviation < 2.0 < 3.5 < calm.deviation
+
+
+def test_something_large_that_creeps_by_is_not_the_base() -> None:
+    """Over one short step what creeps and what stands look alike: a sum of short steps would err here."""
+    long = over_long([view(START, GAP, room=walks_by(0.0)), view(START, GAP + LONG, room=walks_by(0.05))])
+    assert long is not None
+    assert long.deviation < 2.5
+    assert long.inlier_share < 0.9, "the thing is there and it did creep"
+
+
+def test_a_long_look_is_taken_every_second_picture_and_as_far_back_as_it_may() -> None:
+    estimator, plain = EgoMotionEstimator(RIG, MOUNT), view(START, GAP)
+    looks = [
+        estimator.update(replace(plain, frame=replace(plain.frame, captured_at=GAP * k))) for k in range(14)
+    ]
+    seen = [(k, look.long) for k, look in enumerate(looks) if look.long is not None]
+    times = [GAP * k for k, _ in seen]
+    assert len(times) == 5
+    assert min(np.diff(times)) >= LONG_EVERY_S
+    gaps = [GAP * k - look.since for k, look in seen]
+    assert LONG_GAP_S[0] <= min(gaps)
+    assert max(gaps) <= LONG_GAP_S[1]
+    assert gaps[-1] == pytest.approx(LONG), "the oldest it may take"
+
+
+def test_no_long_look_over_a_swing_a_nod_or_a_long_way() -> None:
+    def after_long(end: Stand) -> EgoMotion | None:
+        return over_long([view(START, GAP), view(end, GAP + LONG)])
+
+    assert after_long(Stand(pan=0.4)) is not None
+    assert after_long(Stand(pan=0.47)) is None
+    assert after_long(Stand(tilt=TILT - 0.47)) is None
+    assert after_long(Stand(x=0.14)) is not None
+    assert after_long(Stand(x=0.16)) is None
