@@ -89,12 +89,12 @@ def parse_rig(text: str, source: str) -> StereoRig:
     """Like `load_rig` for text already in memory; `source` is named in errors."""
     try:
         content = msgspec.convert(tomllib.loads(text), _File)
-    except tomllib.TOMLDecodeError as error:
-        raise CalibrationError(f"{source}: not valid TOML: {error}") from None
     except msgspec.ValidationError as error:
         words, _, where = str(error).partition(" - at `$")
         key = where.rstrip("`").lstrip(".") or "top level"
         raise CalibrationError(f"{source}: {key}: {words.replace('Object', 'Table')}") from None
+    except (ValueError, RecursionError) as error:  # also tomllib's own limits: digits, nesting
+        raise CalibrationError(f"{source}: not valid TOML: {error}") from None
     _check_numbers(content, source)
     _check_eyes(content, source)
     rotation = _check_pair(content.pair, source)
@@ -173,7 +173,12 @@ def _check_eyes(content: _File, source: str) -> None:
 def _check_pair(pair: _Pair, source: str) -> tuple[float, ...]:
     """The rotation, made exactly one if rounding had spoiled it."""
     given = np.array(pair.rotation).reshape(3, 3)
-    if np.abs(given.T @ given - np.eye(3)).max() > ROTATION_TOLERANCE or np.linalg.det(given) < 0.0:
+    # Huge numbers first: their products are infinite, and what becomes of those no comparison holds.
+    if (
+        np.abs(given).max() > 1.0 + ROTATION_TOLERANCE
+        or np.abs(given.T @ given - np.eye(3)).max() > ROTATION_TOLERANCE
+        or np.linalg.det(given) < 0.0
+    ):
         raise CalibrationError(
             f"{source}: pair.rotation: not a rotation matrix; give R row by row as calibrated"
         )

@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
+import math
 import os
 import struct
 import tempfile
@@ -108,7 +109,7 @@ def from_bytes(data: bytes) -> Model:
         raise UserError(f"is damaged or cut short (its checksum is wrong); copy it anew or {_CURE}")
     try:
         return _model(json.loads(bytes(body[:header_length])), body[header_length:])
-    except (KeyError, TypeError, ValueError, IndexError) as error:
+    except (LookupError, TypeError, ValueError, ArithmeticError, AttributeError, RecursionError) as error:
         raise UserError(f"holds no usable model ({error}); {_CURE}") from error
 
 
@@ -118,7 +119,7 @@ def _model(header: dict[str, Any], blocks: memoryview) -> Model:
     for key, dtype, shape in header["arrays"]:
         if dtype not in _DTYPES or not all(isinstance(edge, int) and edge >= 0 for edge in shape):
             raise ValueError(f"array {key} has an unknown form")
-        count = int(np.prod(shape, dtype=np.int64))
+        count = math.prod(shape)
         arrays[key] = np.frombuffer(blocks, dtype, count, offset).reshape(shape)
         offset += arrays[key].nbytes
     preview = bytes(blocks[offset:])

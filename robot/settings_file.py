@@ -41,6 +41,8 @@ def parse(text: str, kind: type[S], source: str) -> S:
         words = str(error)
         where = words[words.rfind("(at ") + 4 :].rstrip(")")
         raise UserError(f"{source}: not valid TOML at {where}: {words[: words.rfind(' (at ')]}") from None
+    except (ValueError, RecursionError) as error:  # tomllib's own limits: digits, nesting
+        raise UserError(f"{source}: not usable TOML: {error}; shorten it") from None
     try:
         return msgspec.convert(tree, kind, strict=True)
     except msgspec.ValidationError as error:

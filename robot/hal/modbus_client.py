@@ -72,7 +72,7 @@ def _tcp_client(address: str, timeout_s: float) -> Client:
     host, port = _host_and_port(address)
     try:
         numeric = str(socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][4][0])
-    except OSError as error:
+    except (OSError, ValueError) as error:  # ValueError: no name at all, like a..b
         raise DeviceError(f"Modbus: host {host!r} is not known: check the address") from error
     return ModbusTcpClient(numeric, port=port, timeout=timeout_s, retries=0)
 
@@ -83,6 +83,6 @@ def _host_and_port(address: str) -> tuple[str, int]:
     host, colon, port = address.rpartition(":")
     if not colon:
         return address, DEFAULT_PORT
-    if not host or not port.isascii() or not port.isdigit() or not 0 < int(port) <= 65535:
+    if not host or not port.isascii() or not port.isdigit() or len(port) > 5 or not 0 < int(port) <= 65535:
         raise DeviceError(f"{address!r} is no address: name HOST:PORT or a serial port like /dev/ttyUSB0")
     return host.strip("[]"), int(port)

@@ -207,7 +207,7 @@ def load_scene(name_or_path: str | Path) -> Scene:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as cause:
         raise SceneError(f"{path}: cannot be read: {cause}") from cause
-    except tomllib.TOMLDecodeError as cause:
+    except (ValueError, RecursionError) as cause:  # also tomllib's own limits: digits, nesting
         raise SceneError(f"{path}: not TOML: {cause}") from cause
     return parse_scene(table, path.stem, str(path))
 

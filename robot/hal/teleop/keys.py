@@ -141,6 +141,8 @@ def _keys(burst: bytes) -> tuple[str, ...] | None:
         if byte == _ESCAPE:
             length = _escape_length(burst[at:])
             sequence = burst[at : at + length]
+            if not all(0x20 <= each < 0x7F for each in sequence[1:]):
+                return None  # no terminal sends such a sequence
             arrow = _ARROWS.get(sequence[2:]) if sequence[:2] in (b"\x1b[", b"\x1bO") else None
             names.append(arrow or "escape")
             at += length

@@ -67,7 +67,7 @@ class Connection:
         self._where = f"http://{address.host}:{address.port}"
         try:
             self._socket = socket.create_connection((address.host, address.port), timeout)
-        except OSError as error:
+        except (OSError, ValueError) as error:  # ValueError: no name at all, like a..b
             raise DeviceError(
                 f"{self._where} cannot be reached ({error}): start its server, check the network"
             ) from error
