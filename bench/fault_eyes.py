@@ -186,6 +186,9 @@ class ScriptedVision:
         """Those told, and a base that was moved."""
         return (*self.told.values(), *displacement.faults(self._displacement))
 
+    def set_down(self) -> None:
+        """A person armed the robot."""
+
     def forget_target(self) -> None:
         """Count it."""
         self.forgotten += 1

@@ -147,7 +147,7 @@ TABLE: dict[str, Row] = {
     "base.moved": Row(
         STOP,
         0.6,
-        "it has stood still for a second",
+        "it has stood still for a second; if it was lifted, it was seen to come down, driven or armed again",
         "the base was lifted, tipped or pushed, or its wheels slip: set it down; the map is begun anew",
         person_may_drive=True,
     ),

@@ -226,6 +226,8 @@ class Loop:
         self._intent = Intent(look=self._intent.look, wants=self._intent.wants)
         if event.name in ("teleop_taken", "fault_halted", "disarmed"):
             self._perception.forget_target()
+        if event.name == "armed":
+            self._perception.set_down()
         self._chart.send(event.name)
         self._enter(self._chart.leaf, situation)
         return Transition(source, self._chart.leaf, event)

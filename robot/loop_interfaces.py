@@ -67,6 +67,10 @@ class PerceptionLike(Protocol):
         """Drop the stale track."""
         ...
 
+    def set_down(self) -> None:
+        """A person arms the robot: a base that was lifted stands on the floor again."""
+        ...
+
     def clearance(self, pose: Pose2, twist: Twist, now: float) -> Clearance:
         """How far the way of this twist is free."""
         ...

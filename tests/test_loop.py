@@ -41,6 +41,7 @@ class ScriptedPerception:
         self.floor_age = 0.05
         self.blind = False
         self.forgotten = 0
+        self.downs = 0
         self._at = None
 
     def submit(self, view, wants, now):
@@ -54,6 +55,9 @@ class ScriptedPerception:
 
     def faults(self, now):
         return self.extra
+
+    def set_down(self):
+        self.downs += 1
 
     def forget_target(self):
         self.forgotten += 1
@@ -353,6 +357,14 @@ def test_a_base_is_not_said_to_be_moved_while_the_head_is_at_fault():
     assert "base.moved" in {fault.key for fault in bench.run().faults}
     bench.head.fail("read", "stuck")
     assert {fault.key for fault in bench.run().faults} == {"head.stuck"}
+
+
+def test_arming_says_that_the_base_stands_on_the_floor():
+    bench = Bench()
+    bench.run()
+    assert bench.perception.downs == 0
+    bench.in_state("armed")
+    assert bench.perception.downs == 1
 
 
 def test_late_ticks_are_told():

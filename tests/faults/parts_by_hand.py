@@ -67,6 +67,9 @@ class Eyes:
     def forget_target(self):
         pass
 
+    def set_down(self):
+        pass
+
     def clearance(self, pose, twist, now):
         return self.free
 

@@ -53,6 +53,8 @@ class Floor:
 
     def forget_target(self) -> None: ...
 
+    def set_down(self) -> None: ...
+
     def clearance(self, pose, twist, now) -> Clearance:  # type: ignore[no-untyped-def]
         return Clearance(1.0, "range")
 
