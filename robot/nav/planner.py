@@ -23,6 +23,9 @@ GOAL_SLACK = 0.25
 """A goal that cannot be stood on is replaced by the nearest place that can, at most so far away (metres)."""
 ESCAPE = 0.6
 """So far a robot that stands too near to something looks for a place to start from (metres)."""
+NEARNESS = 5.0
+"""What a metre too near to the target or too far off costs, in metres of way. With less, staying where the
+straight way is blocked was cheaper than going round, and TRACK and AVOID took turns for ever."""
 TARGET_SIZE = 0.2
 """Occupied cells so near to a target's middle are the target itself (metres)."""
 
@@ -85,8 +88,9 @@ def plan_to_view(
 ) -> Path | None:
     """The cheapest way to a place about `stand_off` metres from the target that sees it.
 
-    Places 0.7 to 1.6 times the stand-off away are weighed by the cost of the way plus twice how much their
-    distance is off. Occupied cells within `TARGET_SIZE` of the target are the target itself and hide nothing.
+    Places 0.7 to 1.6 times the stand-off away are weighed by the cost of the way plus `NEARNESS` times how
+    much their distance is off. Occupied cells within `TARGET_SIZE` of the target are the target itself and
+    hide nothing.
     Heights are not known here: what one could look over counts as hiding.
 
     Returns:
@@ -103,7 +107,7 @@ def plan_to_view(
     if origin is None or len(ring) == 0:
         return None
     reach = field.reach(origin)
-    worth = reach.cost[ring] + 2.0 * np.abs(away[ring] - stand_off)
+    worth = reach.cost[ring] + NEARNESS * np.abs(away[ring] - stand_off)
     best = int(np.argmin(worth))
     if not math.isfinite(worth[best]):
         return None
