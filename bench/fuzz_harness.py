@@ -9,7 +9,7 @@ import time
 import tracemalloc
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from types import FrameType
 from typing import Final, Protocol
@@ -121,16 +121,23 @@ def run_chunk(subject: Subject, seed: int, index: int, count: int = CHUNK) -> Ta
 
 
 def try_one(subject: Subject, data: bytes, tally: Tally, probed: bool = False) -> None:
-    """Put one input through, within `watchdog`. probed: its memory is measured, not its time."""
+    """Put one input through, within `watchdog`. probed: its memory is measured too."""
     tally.inputs += 1
-    if probed:
-        tracemalloc.start()
     began = time.process_time()
-    _arm(CPU_LIMIT_S, WALL_LIMIT_S)
+    tally.accepted += _judged(subject, data, tally)
+    tally.slowest_s = max(tally.slowest_s, time.process_time() - began)
+    if probed:
+        # Once more, for what the first time leaves in caches is no part of it.
+        peak = _peak_bytes(subject, data)
+        tally.peak_bytes = max(tally.peak_bytes, peak)
+        if peak > _FREE_BYTES + _BYTES_PER_BYTE * len(data):
+            tally.found("memory", f"{peak} bytes for an input of {len(data)}", data)
+
+
+def _judged(subject: Subject, data: bytes, tally: Tally) -> bool:
+    """True if it was accepted; what must not happen is written down."""
     try:
-        accepted = subject.take(data)
-        _arm(0.0, 0.0)
-        tally.accepted += accepted
+        return _bounded(subject, data)
     except InvalidMotionError as error:
         tally.found("motion", _words(error), data)
     except subject.documented as error:
@@ -142,17 +149,26 @@ def try_one(subject: Subject, data: bytes, tally: Tally, probed: bool = False) -
         tally.found("hang", _words(error), data)
     except Exception as error:
         tally.found("crash", _words(error), data)
+    return False
+
+
+def _peak_bytes(subject: Subject, data: bytes) -> int:
+    """The most memory it takes at any time, whatever becomes of it."""
+    tracemalloc.start()
+    try:
+        with suppress(Exception, _OverdueError):
+            _bounded(subject, data)
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+def _bounded(subject: Subject, data: bytes) -> bool:
+    _arm(CPU_LIMIT_S, WALL_LIMIT_S)
+    try:
+        return subject.take(data)
     finally:
         _arm(0.0, 0.0)
-        seconds = time.process_time() - began
-        peak = tracemalloc.get_traced_memory()[1] if probed else 0
-        if probed:
-            tracemalloc.stop()
-    if not probed:
-        tally.slowest_s = max(tally.slowest_s, seconds)
-    tally.peak_bytes = max(tally.peak_bytes, peak)
-    if peak > _FREE_BYTES + _BYTES_PER_BYTE * len(data):
-        tally.found("memory", f"{peak} bytes for an input of {len(data)}", data)
 
 
 @contextmanager

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import json
 import random
+import socket
 import zlib
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from itertools import pairwise
 from typing import Any, Final
+from unittest import mock
 
 from bench.fuzz_mutation import Source
 from robot.hal.interfaces import DeviceError
@@ -151,8 +154,8 @@ class Addresses:
     def take(self, data: bytes) -> bool:
         """True if it is a camera's address."""
         text = data.decode("utf-8", "replace")
-        with suppress(DeviceError):
-            _modbus_client(text)
+        with suppress(DeviceError), _no_name_server():
+            client_for(text, 115200, 0.1)
         try:
             _camera_host(text)
         except DeviceError:
@@ -161,12 +164,16 @@ class Addresses:
         return True
 
 
-def _modbus_client(text: str) -> object:
-    """Numeric hosts only: nobody's name server is asked a million odd questions."""
-    host = text.rpartition(":")[0] or text
-    if "/" not in text and set(host) - set("0123456789abcdefABCDEF.:[]"):
-        raise DeviceError("a name, not looked up here")
-    return client_for(text, 115200, 0.1)
+@contextmanager
+def _no_name_server() -> Iterator[None]:
+    """Within it names are not looked up, numbers are: nobody is asked a million odd questions."""
+    real = socket.getaddrinfo
+
+    def numbers_only(host: str, port: int, **options: Any) -> Any:
+        return real(host, port, **options, flags=socket.AI_NUMERICHOST)
+
+    with mock.patch.object(socket, "getaddrinfo", numbers_only):
+        yield
 
 
 def _camera_host(text: str) -> object:

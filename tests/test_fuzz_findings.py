@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import struct
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -34,6 +35,15 @@ def test_the_toml_readers_own_limits_are_told_in_one_line(text: str, tmp_path: P
         with pytest.raises(error, match=r"odd\.toml: not .*TOML") as said:
             read()
         assert "\n" not in str(said.value)
+
+
+@pytest.mark.parametrize("text", ["mo\nck", 'mo"ck', "mo\\ck", "mo\x01\x7fck", "möck"])
+def test_odd_text_is_shown_in_one_line_that_reads_back(text: str) -> None:
+    wrong = settings_file.commented(config.Config(base=config.Base(driver=text)))
+    assert tomllib.loads(wrong)["base"]["driver"] == text
+    with pytest.raises(UserError, match=r"base\.driver = .* is not allowed") as said:
+        settings_file.parse(wrong, config.Config, "odd.toml")
+    assert "\n" not in str(said.value)
 
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")

@@ -94,6 +94,8 @@ class StreamParser:
         if not final and not self._buffer and is_unfinished(text):
             cut = text.rfind(b"\x1b")
             self._buffer = text[cut:]
+            if cut == 0 and arrived_at - self._burst_at <= SAME_BURST_S:
+                self._burst_at = arrived_at  # no pause yet: what it becomes belongs to what came before
         elif self._buffer:
             return words + self._insisted(text, now, arrived_at)
         return words + self._judge(text[:cut], now, arrived_at)
