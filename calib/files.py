@@ -36,6 +36,7 @@ from calib.model import Camera, StereoRig
 DISTORTION_COUNTS = (0, 4, 5, 8)
 ROTATION_TOLERANCE = 1e-3
 """How far R'R may be from the identity: what rounding to four decimals leaves."""
+SHORTEST_BASELINE_M, LONGEST_BASELINE_M = 0.001, 10.0
 
 _Pixels = Annotated[int, Meta(ge=2, le=32768)]
 _Focal = Annotated[float, Meta(gt=0.0)]
@@ -191,6 +192,11 @@ def _check_pair(pair: _Pair, source: str) -> tuple[float, ...]:
     if not -sideways > math.hypot(*rest):
         raise CalibrationError(
             f"{source}: pair.translation: the eyes must lie side by side: a negative first number, in metres"
+        )
+    if not SHORTEST_BASELINE_M <= -sideways <= LONGEST_BASELINE_M:
+        raise CalibrationError(
+            f"{source}: pair.translation: the eyes are {-sideways:g} m apart; give metres, "
+            f"{SHORTEST_BASELINE_M:g} to {LONGEST_BASELINE_M:g}"
         )
     if np.abs(given.T @ given - np.eye(3)).max() < 1e-12:
         return pair.rotation

@@ -55,6 +55,13 @@ def test_a_rotation_of_huge_numbers_is_refused() -> None:
         parse_rig(f"[left]\n{eye}[right]\n{eye}{pair}", "rig.toml")
 
 
+@pytest.mark.parametrize("metres", ["1e-320", "1e200", "60.0"], ids=["none", "endless", "millimetres"])
+def test_a_baseline_that_no_pair_has_is_refused(metres: str) -> None:
+    eye = "width = 352\nheight = 288\nfx = 300.0\nfy = 300.0\ncx = 175.0\ncy = 143.0\n"
+    with pytest.raises(CalibrationError, match="m apart; give metres"):
+        parse_rig(f"[left]\n{eye}[right]\n{eye}[pair]\ntranslation = [-{metres}, 0.0, 0.0]\n", "rig.toml")
+
+
 @pytest.mark.filterwarnings("error::RuntimeWarning")
 @pytest.mark.parametrize("shape", [[2**63], [2**64], [2**32, 2**32], [2**62, 4], [2**70, 0]], ids=str)
 def test_a_model_that_lies_about_its_size_is_refused(shape: list[int]) -> None:
