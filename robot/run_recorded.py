@@ -21,7 +21,7 @@ from robot.record.annotate import annotate_tick, annotated_size
 from robot.record.recorder import Recorder, Way, WayPoint, tick_ms
 from robot.record.run_folder import RunFolder
 from robot.record.scenery import Outline, Scenery, Stamped
-from robot.record.trajectory import plot_trajectory
+from robot.record.trajectory import check_plots, plot_trajectory
 from robot.record.video import VideoWriter
 from robot.run_sim import SimOptions, SimRun
 from robot.sim.scene import load_scene
@@ -47,6 +47,7 @@ def run_recorded(job: SimJob, root: Path, started: datetime, progress: Progress 
 
     Raises UserError, and leaves no folder, for a scene, config or model that cannot be used.
     """
+    check_plots()
     scene = load_scene(job.scene)
     config = load(job.config) if job.config is not None else Config()
     # All that can be refused comes before the folder: a run that never began leaves nothing behind.

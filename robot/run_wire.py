@@ -29,6 +29,7 @@ from robot.messages import Tick
 from robot.model_file import Model
 from robot.record.recorder import Recorder, Way, tick_ms
 from robot.record.run_folder import RunFolder
+from robot.record.trajectory import check_plots
 from robot.run_hardware import tick_until
 from robot.run_plot import plot_run
 from robot.run_recorded import Progress, SimJob
@@ -58,6 +59,7 @@ def run_wire(
     """
     if job.video or job.options.slow != 1.0:
         raise UserError("--wire runs in real time: --video and --slow are for runs without it")
+    check_plots()
     stop = stop or threading.Event()
     scene = load_scene(job.scene)
     config = load(job.config) if job.config is not None else Config()

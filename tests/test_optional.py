@@ -117,6 +117,7 @@ def test_without_matplotlib_a_run_names_its_extra(machine: Machine, box_model: P
     scene = machine.write("short.toml", 'duration_s = 1.0\nexpect = "not found"\n')
     done = machine.robot("run", "--sim", scene, modules="matplotlib")
     is_one_hint(done, "no plot without matplotlib", "pip install", "robot[plots]")
+    assert not (machine.folder / "runs").exists(), "told before the run, not after it"
 
 
 def test_without_gpiozero_the_lamp_names_it(machine: Machine) -> None:

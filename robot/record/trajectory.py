@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from importlib import import_module
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -49,6 +50,14 @@ def render(scenery: Scenery, title: str = "") -> bytes:
     # Without the version tag the bytes depend on the drawing alone.
     figure.savefig(buffer, format="png", dpi=_DPI, facecolor="white", metadata={"Software": None})
     return buffer.getvalue()
+
+
+def check_plots() -> None:
+    """Raise UserError if no plot can be drawn: before a run, not after it."""
+    try:
+        import_module("matplotlib")
+    except ImportError as error:
+        raise UserError("no plot without matplotlib: install it with `pip install robot[plots]`") from error
 
 
 def _figure(scenery: Scenery) -> tuple[Any, Any]:
