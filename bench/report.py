@@ -32,6 +32,9 @@ class Bar:
         return self.value <= self.bar if self.at_most else self.value >= self.bar
 
 
+_LOG_WIDTH = 180
+
+
 def arguments(words: str) -> argparse.ArgumentParser:
     """The options every bench has."""
     parser = argparse.ArgumentParser(description=words)
@@ -68,6 +71,8 @@ def versions() -> dict[str, str]:
 
 def _print_tables(name: str, rows: Sequence[dict[str, Any]], bars: Sequence[Bar]) -> None:
     console = Console()
+    if not console.is_terminal:
+        console = Console(width=_LOG_WIDTH)  # a pipe says no width; 80 columns would cut the words
     keys = list(dict.fromkeys(key for row in rows for key in row))
     table = Table(*keys, title=name)
     for row in rows:
