@@ -208,12 +208,8 @@ class Loop:
 
     def _try(self, event: Event, situation: Situation) -> list[Transition]:
         """Take a state's own event; one the chart does not know here is that state's mistake."""
-        try:
-            return [self._go(event, situation)]
-        except Exception as error:
-            words = f"{self._chart.leaf}: {event.name}: {error}"
-            self._watch.remember(Fault("loop", "error", situation.now, words))
-            return []
+        nothing: list[Transition] = []
+        return self._guarded(event.name, lambda: [self._go(event, situation)], nothing, situation.now)
 
     def _step(self, leaf: str, situation: Situation) -> tuple[Intent, Event | None]:
         standing: tuple[Intent, Event | None] = (Intent(), None)

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import datetime
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from robot import __version__, model_file
 from robot.app import head_mount, nominal_rig
@@ -18,11 +15,11 @@ from robot.config import Config, load
 from robot.errors import UserError
 from robot.messages import Tick
 from robot.record.annotate import annotate_tick, annotated_size
-from robot.record.recorder import Recorder, Way, WayPoint, tick_ms
+from robot.record.recorder import Recorder, Way, tick_ms
 from robot.record.run_folder import RunFolder
-from robot.record.scenery import Outline, Scenery, Stamped
-from robot.record.trajectory import check_plots, plot_trajectory
+from robot.record.trajectory import check_plots
 from robot.record.video import VideoWriter
+from robot.run_plot import plot_run
 from robot.run_sim import SimOptions, SimRun
 from robot.sim.scene import load_scene
 
@@ -75,7 +72,9 @@ def run_recorded(job: SimJob, root: Path, started: datetime, progress: Progress 
             "version": __version__,
             "folder": str(folder.path),
         }
-        _plot(folder, run, way.points, f"{job.scene}, seed {job.seed}: {report['reason']}")
+        times = [step.now for step in way.points]
+        title = f"{job.scene}, seed {job.seed}: {report['reason']}"
+        plot_run(folder, run.referee.scenery(), times, way.points, title)
     finally:
         run.close()
         if video is not None:
@@ -102,33 +101,3 @@ def _recorder(
                 video.write(picture, tick.now)
 
     return Recorder(folder.open_events(), show, label), video
-
-
-def _plot(folder: RunFolder, run: SimRun, way: Sequence[WayPoint], title: str) -> None:
-    """trajectory.png, in the room's frame; a disk that is full ends the record, not the run."""
-    truth = run.referee.scenery()
-    changes = [(way[0].now, way[0].state)] if way else []
-    changes += [(b.now, b.state) for a, b in pairwise(way) if a.state != b.state]
-    wheels = truth.start.to_world(np.array([(step.pose.x, step.pose.y) for step in way]))
-    scenery = Scenery(
-        room=truth.room,
-        path_true=_stamped(way, truth.robot_path[1:]),
-        path_odometry=_stamped(way, [(float(x), float(y)) for x, y in wheels]),
-        target_path=_stamped(way, truth.target_path[1:]),
-        obstacles=tuple(Outline(thing.kind, thing.corners, thing.kind == "step") for thing in truth.things),
-        state_changes=tuple(changes),
-        detours=tuple(_detours(changes, way[-1].now if way else 0.0)),
-    )
-    with folder.recording.guarded(way[-1].now if way else 0.0):
-        plot_trajectory(folder.trajectory_path, scenery, title)
-
-
-def _stamped(way: Sequence[WayPoint], places: Sequence[tuple[float, float]]) -> tuple[Stamped, ...]:
-    """Places, one a tick, with their ticks' times. (The referee's paths begin one place before the first.)"""
-    return tuple((step.now, x, y) for step, (x, y) in zip(way, places, strict=False))
-
-
-def _detours(changes: list[tuple[float, str]], end: float) -> list[tuple[float, float]]:
-    """The times in AVOID."""
-    ends = [at for at, _ in changes[1:]] + [end]
-    return [(at, until) for (at, state), until in zip(changes, ends, strict=True) if state == "avoid"]

@@ -7,11 +7,11 @@ exchange at a time; without retries of its own, for a repeated write must be the
 from __future__ import annotations
 
 import logging
-import math
 import threading
 from collections.abc import Callable, Sequence
 from typing import Any, Final, TypeVar
 
+from robot.hal.backoff import Backoff
 from robot.hal.interfaces import DeviceError
 from robot.hal.modbus_client import Client, Reply, client_for
 
@@ -51,37 +51,6 @@ _EXCEPTIONS: Final = {
     10: "gateway: no path",
     11: "gateway: device does not answer",
 }
-
-
-class Backoff:
-    """When to try again: 0.5 s after a failure, twice as long after each further one, 5 s at most.
-
-    >>> backoff = Backoff()
-    >>> backoff.failed(1.0); backoff.due(1.4), backoff.due(1.5)
-    (False, True)
-    >>> backoff.failed(1.5); backoff.due(2.4), backoff.due(2.5)
-    (False, True)
-    """
-
-    def __init__(self, first_s: float = 0.5, most_s: float = 5.0) -> None:
-        self._first_s = first_s
-        self._most_s = most_s
-        self._delay_s = first_s
-        self._retry_at = -math.inf
-
-    def due(self, now: float) -> bool:
-        """True if one may try."""
-        return now >= self._retry_at - 1e-9
-
-    def failed(self, now: float) -> None:
-        """It did not work: wait longer."""
-        self._retry_at = now + self._delay_s
-        self._delay_s = min(2.0 * self._delay_s, self._most_s)
-
-    def worked(self) -> None:
-        """It works: the next failure begins anew."""
-        self._delay_s = self._first_s
-        self._retry_at = -math.inf
 
 
 class ModbusLink:

@@ -13,9 +13,10 @@ from robot.hal.arm.health import EchoWatch, told_by
 from robot.hal.arm.owner import Ownership
 from robot.hal.arm.registers import Opcode, Report, Status
 from robot.hal.arm.settings import ModbusArmSettings
+from robot.hal.backoff import Backoff
 from robot.hal.faultbook import FaultBook
 from robot.hal.interfaces import ArmState, DeviceError
-from robot.hal.modbus import Backoff, ModbusLink, NoAnswerError, RefusedError, asked_patiently
+from robot.hal.modbus import ModbusLink, NoAnswerError, RefusedError, asked_patiently
 from robot.messages import Fault
 
 _DEFAULTS: Final = ModbusArmSettings()

@@ -6,16 +6,16 @@ import math
 from collections import deque
 from typing import Final
 
+from robot.hal.backoff import Backoff
 from robot.hal.faultbook import FaultBook
 from robot.hal.interfaces import DeviceError
 from robot.hal.kinematics import limited
-from robot.hal.nxt.backoff import Backoff
 from robot.hal.nxt.battery import BatteryWatch
 from robot.hal.nxt.brick import Brick, ReplyTimeoutError
 from robot.hal.nxt.odometry import WheelOdometry
 from robot.hal.nxt.pace import RateMeter
 from robot.hal.nxt.replies import ProtocolError, StatusError
-from robot.hal.nxt.settings import USB, NxtSettings
+from robot.hal.nxt.settings import RETRY_GROWTH, USB, NxtSettings
 from robot.hal.nxt.stall_notice import StallNotice
 from robot.hal.nxt.takeover import check_firmware, zero_motors
 from robot.hal.nxt.wheel import Wheel
@@ -54,7 +54,7 @@ class NxtBase:
         self._odometry = WheelOdometry(settings.wheels)
         self._faults = FaultBook("base")
         self._battery = BatteryWatch(settings.battery_low_mv, settings.battery_empty_mv, self._faults)
-        self._backoff = Backoff(settings.retry_s, settings.retry_most_s)
+        self._backoff = Backoff(settings.retry_s, settings.retry_most_s, RETRY_GROWTH)
         self._rate = RateMeter()
         self._sent = Twist()
         self._renewed_at = self._sent_at = self._polled_at = -math.inf

@@ -7,13 +7,13 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final
 
+from robot.hal.backoff import Backoff
 from robot.hal.faultbook import FaultBook
 from robot.hal.interfaces import DeviceError
-from robot.hal.nxt.backoff import Backoff
 from robot.hal.nxt.brick import Brick, ReplyTimeoutError
 from robot.hal.nxt.pace import RateMeter
 from robot.hal.nxt.replies import ProtocolError, Status, StatusError
-from robot.hal.nxt.settings import USB_NEAR, NearSettings
+from robot.hal.nxt.settings import RETRY_GROWTH, USB_NEAR, NearSettings
 from robot.messages import Fault, Near
 
 _SWITCH_TYPE: Final = 0x01
@@ -128,7 +128,7 @@ class NxtNear:
         self._waiting: deque[_Touch | _Sonar] = deque()
         self._faults = FaultBook("near")
         self._broken: dict[int, str] = {}
-        self._backoff = Backoff(settings.retry_s, settings.retry_most_s)
+        self._backoff = Backoff(settings.retry_s, settings.retry_most_s, RETRY_GROWTH)
         self._rate = RateMeter()
         self._began_at: float | None = None
         self._heard_at = self._asked_at = self._round_at = -math.inf

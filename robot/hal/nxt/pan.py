@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 
+from robot.hal.backoff import Backoff
 from robot.hal.faultbook import FaultBook
 from robot.hal.interfaces import DeviceError
-from robot.hal.nxt.backoff import Backoff
 from robot.hal.nxt.brick import Brick, ReplyTimeoutError
 from robot.hal.nxt.pace import RateMeter
 from robot.hal.nxt.pan_motor import PanMotor
 from robot.hal.nxt.replies import ProtocolError, StatusError
-from robot.hal.nxt.settings import USB_PAN, PanSettings
+from robot.hal.nxt.settings import RETRY_GROWTH, USB_PAN, PanSettings
 from robot.hal.nxt.takeover import zero_motors
 from robot.messages import Fault, HeadPose
 
@@ -38,7 +38,7 @@ class NxtPan:
         self._motor = PanMotor(settings)
         self._goal = HeadPose(tilt=settings.tilt)
         self._faults = FaultBook("head")
-        self._backoff = Backoff(settings.retry_s, settings.retry_most_s)
+        self._backoff = Backoff(settings.retry_s, settings.retry_most_s, RETRY_GROWTH)
         self._rate = RateMeter()
         self._read_at = self._sent_at = self._again_at = -math.inf
         self._heard_at: float | None = None

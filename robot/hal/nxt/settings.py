@@ -15,6 +15,9 @@ from robot.hal.nxt.wheel import WheelSettings
 _USB_BASE_PACE: Final = PaceSettings(share=0.6, shortest_s=0.02, longest_s=0.2)
 _USB_PACE: Final = PaceSettings(share=0.3, shortest_s=0.02, longest_s=0.5)
 
+RETRY_GROWTH: Final = 1.5
+"""Each pause between two tries of a silent brick is so many times the last: it may only be out of reach."""
+
 
 @dataclass(frozen=True, slots=True)
 class NxtSettings:

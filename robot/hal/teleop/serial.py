@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
+from robot.hal.backoff import Backoff
 from robot.hal.faultbook import FaultBook
 from robot.hal.interfaces import DeviceError
 from robot.hal.teleop.parser import StreamParser
@@ -17,7 +18,6 @@ from robot.messages import Fault, TeleopInput
 
 NOISE_LASTS_S: Final = 1.0
 """The line counts as noisy until it was clean for so long."""
-_FIRST_RETRY_S, _LAST_RETRY_S = 0.5, 5.0
 _MOST_READS: Final = 4
 
 
@@ -42,8 +42,7 @@ class SerialTeleop:
         self._pulse_s = pulse_s
         self._book = FaultBook("teleop")
         self._closed = False
-        self._retry_at = 0.0
-        self._pause = _FIRST_RETRY_S
+        self._backoff = Backoff()
         self._word: TeleopInput | None = None
         self._words: list[TeleopInput] = []
         self._listen_afresh()
@@ -137,18 +136,18 @@ class SerialTeleop:
             self._port = None
         self._stand()
         self._book.raised("link", now, why)
-        self._retry_at, self._pause = now + _FIRST_RETRY_S, _FIRST_RETRY_S
+        self._backoff.failed(now)
 
     def _connect(self, now: float) -> None:
-        if self._port is not None or now < self._retry_at:
+        if self._port is not None or not self._backoff.due(now):
             return
         try:
             self._port = self._open_port()
         except DeviceError as error:
-            self._pause = min(self._pause * 2.0, _LAST_RETRY_S)
-            self._retry_at = now + self._pause
+            self._backoff.failed(now)
             self._book.raised("link", now, str(error))
             return
+        self._backoff.worked()
         self._listen_afresh()
         self._book.cleared("link")
 

@@ -74,7 +74,7 @@ JITTER: Final = 0.05
 class WebcamPair(_Eyes):
     """`StereoCamera` over two readers that are running.
 
-    Pictures are a pair if taken at most half a period (0.5 / rate_hz) apart. size is (width, height) of each.
+    Pictures are a pair if taken at most half a period and `JITTER` apart. size is (width, height) of each.
     Faults: `link` (a source is broken; it is opened again by itself), `missing` (no pair ever, or a video is
     over), `stale` (the newest pair is older than max_age although the sources say they run), `unpaired` (both
     deliver, but never at the same moment), `size`.

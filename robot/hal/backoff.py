@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import Final
-
-_GROWTH: Final = 1.5
 
 
 class Backoff:
-    """Tries are `first_s` apart at first, each pause half as long again as the last, at most `most_s`.
+    """Tries are `first_s` apart at first, each pause `growth` times the last, at most `most_s`.
 
     >>> backoff = Backoff(first_s=0.5, most_s=5.0)
     >>> backoff.due(10.0)
@@ -18,11 +15,12 @@ class Backoff:
     >>> backoff.due(10.4), backoff.due(10.5)
     (False, True)
     >>> backoff.failed(10.5)
-    >>> backoff.due(11.2), backoff.due(11.25)
+    >>> backoff.due(11.4), backoff.due(11.5)
     (False, True)
     """
 
-    def __init__(self, first_s: float = 0.5, most_s: float = 5.0) -> None:
+    def __init__(self, first_s: float = 0.5, most_s: float = 5.0, growth: float = 2.0) -> None:
+        self._growth = growth
         self._first_s = first_s
         self._most_s = most_s
         self._pause_s = first_s
@@ -35,7 +33,7 @@ class Backoff:
     def failed(self, now: float) -> None:
         """The try at this time failed."""
         self._next_at = now + self._pause_s
-        self._pause_s = min(self._pause_s * _GROWTH, self._most_s)
+        self._pause_s = min(self._pause_s * self._growth, self._most_s)
 
     def worked(self) -> None:
         """It works: the next failure begins with the short pause again."""
