@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from msgspec import structs
 
 from bench.report import Bar, arguments, publish
 from robot.config import Config
@@ -92,7 +93,7 @@ def measure(minutes: float, say: Callable[[str], None]) -> Measured:
         tempfile.TemporaryDirectory() as records,
         start_world(scene, SEED, blackouts(60.0 * minutes), spare_channels=1) as world,
     ):
-        config = wired(armed(Config(), scene, SEED), world.addresses)
+        config = wired(patient(armed(Config(), scene, SEED)), world.addresses)
         robot = WireRobot(config, target, world)
         folder = RunFolder.create(Path(records), datetime.now())
         person = Person(WorldChannel(world.spare[0]), 60.0 * minutes, say)
@@ -113,6 +114,12 @@ def measure(minutes: float, say: Callable[[str], None]) -> Measured:
             person.asked,
             person.took_at,
         )
+
+
+def patient(config: Config) -> Config:
+    """A robot that never gives the search up: one that went idle would have nothing more to measure."""
+    mission = structs.replace(config.mission, search_timeout_s=3600.0)
+    return structs.replace(config, mission=mission)
 
 
 def blackouts(seconds: float) -> tuple[InjectedFault, ...]:
