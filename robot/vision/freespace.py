@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from calib.model import HeadMount, StereoRig
 from robot.messages import FreeSpace, Points
-from robot.vision.levelling import floor_plane
+from robot.vision.levelling import FloorLevel, floor_plane
 from robot.vision.stereo import Disparity
 
 Floats = NDArray[np.float32]
@@ -204,13 +204,21 @@ def _look(disparity: Disparity, rig: StereoRig, mount: HeadMount, pan: float, ti
     return _Look(x, y, h, sigma, measured.ravel(), floor_x, floor_y)
 
 
-def _level(look: _Look, limits: FloorLimits) -> _Look:
-    """Heights over the floor as it lies in this picture: a base that brakes tips by a degree."""
+def floor_level(disparity, rig, mount, pan, tilt, limits):
+    return FloorLevel(*(float(c) for c in _plane(_look(disparity, rig, mount, pan, tilt), limits)))
+
+
+def _plane(look, limits):
     floor_range = np.hypot(look.floor_x, look.floor_y)
     rows = np.flatnonzero(look.measured & (floor_range < LEVEL_RANGE))
     bound = np.array([limits.max_lift, limits.max_pitch, limits.max_pitch])
     plane = floor_plane(look.x[rows], look.y[rows], look.height[rows], look.sigma[rows])
-    lift, ahead, aside = np.clip(plane, -bound, bound).astype(np.float32)
+    return np.clip(plane, -bound, bound).astype(np.float32)
+
+
+def _level(look: _Look, limits: FloorLimits) -> _Look:
+    """Heights over the floor as it lies in this picture: a base that brakes tips by a degree."""
+    lift, ahead, aside = _plane(look, limits)
     return replace(look, height=look.height - (lift + ahead * look.x + aside * look.y))
 
 

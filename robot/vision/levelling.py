@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,23 @@ REST_SIGMA = (0.005, math.radians(0.5), math.radians(0.3))
 """How far a base may lie off: lift in metres, slope ahead, slope aside. Holds what no pixel speaks of."""
 SCALES_M = (0.035, 0.025, 0.018, 0.018)
 """Tukey's biweight narrows from the nominal plane: a low step must not lift the floor, a tipped floor may."""
+
+
+@dataclass(frozen=True, slots=True)
+class FloorLevel:
+    """How the floor lies in the nominal robot frame: height = lift + ahead x + aside y. Metres, slopes.
+
+    >>> round(FloorLevel(0.002, 0.01, 0.0).at(0.5, 0.0), 4)
+    0.007
+    """
+
+    lift: float = 0.0
+    ahead: float = 0.0
+    aside: float = 0.0
+
+    def at(self, x: float, y: float) -> float:
+        """Height of the floor at (x, y), metres."""
+        return self.lift + self.ahead * x + self.aside * y
 
 
 def floor_plane(x: Floats, y: Floats, height: Floats, sigma: Floats) -> Vector:

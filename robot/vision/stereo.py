@@ -19,7 +19,7 @@ from robot.messages import Image
 from robot.vision.pair_input import grey_pair
 from robot.vision.stereo_aggregation import Support, aggregate
 from robot.vision.stereo_cost import MatchingCost, plain_cost, pooled_cost
-from robot.vision.stereo_refinement import enlarge, fill_rows, subpixel
+from robot.vision.stereo_refinement import Window, enlarge, fill_rows, fit
 from robot.vision.stereo_selection import Winners, select
 from robot.vision.stereo_voting import Voting, vote
 
@@ -44,6 +44,11 @@ MAX_DISAGREEMENT_PX = 2.0
 MAX_JUMP_PX = 1.5
 """Between the left and the right neighbour; a surface seen so obliquely is not measured."""
 BLOCK_PX = 5
+SPECK_PX, SURFACE_STEP_PX = 400, 1.0
+"""A surface smaller than this is a false match; neighbours on one surface differ by less than this."""
+LAST_LEVELS = 1.5
+"""What is matched to the search's very end may well lie beyond it."""
+LITE_WINDOW = Window(half_side_px=5, steps=1)
 LEAST_DISPARITIES, MOST_DISPARITIES = 8, 512
 
 
@@ -197,6 +202,7 @@ class AdaptiveWeightMatcher:
         levels, stable = self._chosen(select(aggregate(costs, guide, self.support)), guide)
         # Level k holds disparities 2k and 2k + 1.
         index = enlarge(levels, guide, wide_left)[:height, :width]
+        stable &= levels < self.disparities // 2 - LAST_LEVELS
         return measured(*eyes, np.take(2.0 * levels + np.float32(0.5), index), np.take(stable, index))
 
     def _chosen(self, winners: Winners, guide: Image) -> tuple[Floats, Mask]:
@@ -233,7 +239,8 @@ class HalvedMatcher:
         costs = plain_cost(half_left, half_right, self.disparities // 2, self.cost)
         winners = select(aggregate(costs, half_left, self.support))
         levels = cv2.medianBlur(fill_rows(winners.level, winners.stable), 3)
-        half = measured(half_left, half_right, levels, own(winners, levels))
+        stable = own(winners, levels) & (levels < self.disparities // 2 - LAST_LEVELS)
+        half = measured(half_left, half_right, levels, stable, LITE_WINDOW)
         return Disparity(
             np.ascontiguousarray(doubled(2.0 * half.values)[:height, :width]),
             doubled(half.valid.view(np.uint8)).view(np.bool_)[:height, :width],
@@ -253,19 +260,28 @@ def checked(disparities: int) -> int:
 def own(winners: Winners, levels: Floats) -> Mask:
     """Pixels whose final level is the one both eyes found themselves."""
     unchanged: Mask = np.abs(levels - winners.level) <= 1.0
-    return unchanged & winners.stable & ~winners.hidden
+    return unchanged & winners.stable
 
 
-def measured(left: Image, right: Image, coarse: Floats, stable: Mask) -> Disparity:
+def measured(left: Image, right: Image, coarse: Floats, stable: Mask, window: Window = Window()) -> Disparity:
     """The map's last step: stable values fitted to the grey values (H, W), told how sure they are."""
-    refined, energy = subpixel(left, right, coarse)
-    values = np.where(stable, refined, coarse)
-    noise = _noise(left)
-    texture = np.maximum(energy - np.float32(NOISE_ENERGY * noise * noise), np.float32(1e-3))
-    sigma = np.sqrt(np.float32(SIGMA_FLOOR_PX**2) + np.float32(SIGMA_GAIN * noise * noise) / texture)
+    found = fit(left, right, coarse, window)
+    valid = stable & found.good
+    values = np.maximum(np.where(valid, found.values, coarse), np.float32(0.0))
     columns = np.arange(left.shape[1], dtype=np.float32)
-    valid = stable & (values > 0.0) & (values <= columns) & (sigma <= MAX_SIGMA_PX) & ~_torn(values)
-    return Disparity(np.maximum(values, np.float32(0.0)), valid, sigma)
+    valid &= (values > 0.0) & (values <= columns) & (found.sigma_px <= MAX_SIGMA_PX) & ~_torn(values)
+    coarse_valid = _on_surfaces(values[::2, ::2], valid[::2, ::2])
+    coarse_valid &= ~_hidden(columns[::2] - values[::2, ::2], coarse_valid)
+    valid &= doubled(coarse_valid.view(np.uint8)).view(np.bool_)[: left.shape[0], : left.shape[1]]
+    return Disparity(values, valid, found.sigma_px)
+
+
+def _on_surfaces(values: Floats, valid: Mask) -> Mask:
+    """What lies on a surface of at least `SPECK_PX` (at half the size): false matches have few neighbours."""
+    sixteenths = np.where(valid, 16.0 * values + 16.0, 0.0).astype(np.int16)
+    surfaces, _ = cv2.filterSpeckles(sixteenths, 0, SPECK_PX // 4, round(16 * SURFACE_STEP_PX))
+    kept: Mask = np.asarray(surfaces) > 0
+    return kept
 
 
 def padded(grey: Image, multiple: int) -> Image:
@@ -306,8 +322,13 @@ class FloorAlignedMatcher:
         self._margin = margin_px
 
     def __call__(self, left: Image, right: Image, pan: float, tilt: float) -> Disparity:
-        """Match a pair taken with the head at pan, tilt (radians); disparities are the given pair's."""
-        height, width = left.shape[:2]
+        """Match a pair taken with the head at pan, tilt (radians); disparities are the given pair's.
+
+        Raises:
+            ValueError: pictures that are no pair.
+        """
+        left, right = grey_pair(left, right)
+        height, width = left.shape
         floor = floor_disparities(self._rig, self._mount, pan, tilt, height)
         shift = np.maximum(floor - self._margin, 0.0).astype(np.float32)[:, None]
         columns = np.arange(width, dtype=np.float32)
@@ -345,8 +366,8 @@ def match_sigma(smooth: Image, noise: float) -> Floats:
 
 def _torn(values: Floats) -> Mask:
     """Pixels at a jump of the disparity: blocks that see two surfaces measure neither."""
-    jump = np.abs(values[:, 2:] - values[:, :-2]) > MAX_JUMP_PX
-    torn: Mask = np.pad(jump, ((0, 0), (1, 1)))
+    torn: Mask = np.zeros(values.shape, np.bool_)
+    torn[:, 1:-1] = np.abs(values[:, 2:] - values[:, :-2]) > MAX_JUMP_PX
     return torn
 
 

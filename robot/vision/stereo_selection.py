@@ -25,12 +25,10 @@ class Winners:
     """Per pixel (h, w): winning level with its fraction (float32), and what speaks for it.
 
     stable: the right eye's own winner for the pixel matched is the same level, give or take one.
-    hidden: the match lies behind that of a stable pixel to the right, which hides it from the right eye.
     """
 
     level: Floats
     stable: Mask
-    hidden: Mask
 
 
 def select(costs: Floats) -> Winners:
@@ -61,17 +59,7 @@ def select(costs: Floats) -> Winners:
     theirs = np.take(right, pixel - winner) & low_bits
     stable = np.abs(theirs - winner) <= 1
     level = winner.astype(np.float32) + _valley(*_around(costs, winner, pixel))
-    return Winners(level, stable, _hidden(winner, stable))
-
-
-def _hidden(winner: Levels, stable: Mask) -> Mask:
-    """Columns must not cross from one eye to the other, but for a level's rounding."""
-    width = winner.shape[1]
-    matched = np.arange(width, dtype=np.int32) - winner
-    bound = np.where(stable, matched, np.int32(width))
-    least = np.minimum.accumulate(bound[:, ::-1], axis=1)[:, ::-1]
-    hidden: Mask = matched > least + 1
-    return hidden
+    return Winners(level, stable)
 
 
 def greatest(scores: Floats) -> Floats:

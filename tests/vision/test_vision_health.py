@@ -101,10 +101,6 @@ def test_exchanged_eyes_are_found_and_honest_ones_never_accused(
     pair = render(room, rig=RIG, tilt=tilt, pan=pan, noise=noise, gain=gain, samples=2)
     assert not health.eyes_swapped(pair.left, pair.right)
     assert health.eyes_swapped(pair.right, pair.left)
-    honest, exchanged = health.sign_votes(pair.left, pair.right), health.sign_votes(pair.right, pair.left)
-    assert honest.ordered >= health.LEAST_VOTES
-    assert honest.exchanged <= 1
-    assert exchanged.ordered <= 1
 
 
 @pytest.mark.parametrize("size", [0.16, 0.2, 0.25, 0.3])
