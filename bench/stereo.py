@@ -24,7 +24,7 @@ from bench.stereo_data import OPENCV_DOC, StereoCase, folder_cases, registry_cas
 from bench.stereo_peers import Method, peers, side_peers
 from bench.stereo_rooms import DISPARITIES, RoomView, room_views
 from robot.errors import UserError
-from robot.vision.stereo import FloorAlignedMatcher, Matcher, SemiGlobalMatcher, floor_disparities
+from robot.vision.stereo import FloorAlignedMatcher, Matcher, floor_disparities
 
 Row = dict[str, Any]
 
@@ -101,11 +101,8 @@ def aligned_samples(view: RoomView, matcher: Matcher) -> stereo_subpixel.Samples
 
 
 def sub_pixel_matchers() -> dict[str, Matcher]:
-    """Ours, and semi-global matching with the checks the robot would need beside it."""
-    found: dict[str, Matcher] = {
-        preset: stereo_ours.matcher(preset, DISPARITIES) for preset in stereo_ours.PRESETS
-    }
-    return found | {"semi_global": SemiGlobalMatcher(DISPARITIES)}
+    """The three presets."""
+    return {preset: stereo_ours.matcher(preset, DISPARITIES) for preset in stereo_ours.PRESETS}
 
 
 def measure(options: argparse.Namespace) -> tuple[list[Row], list[Row], list[Row]]:

@@ -17,7 +17,7 @@ from robot.errors import UserError
 from robot.messages import Box, Detection, Image, Passage
 from robot.vision import health, passage
 from robot.vision.ranging import range_box
-from robot.vision.stereo import Disparity, SemiGlobalMatcher
+from robot.vision.stereo import AdaptiveWeightMatcher, Disparity
 
 SEARCHED_SHARE = 0.25
 """Disparities searched, as a share of the picture's width."""
@@ -88,7 +88,7 @@ def look(
         )
     marked = () if box is None else (Detection(_moved(box, straight), 1.0, ""),)
     found = marked if target is None else tuple(target.predict(flat_left))
-    matcher = SemiGlobalMatcher(disparities=searched_disparities(straight.rig))
+    matcher = AdaptiveWeightMatcher.fine(searched_disparities(straight.rig))
     disparity = matcher(flat_left, flat_right)
     sights = tuple(
         _sight(flat_left, flat_right, place, straight.rig, disparity, matcher.disparities) for place in found

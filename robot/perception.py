@@ -36,7 +36,7 @@ from robot.target import TargetFollower, TargetSight
 from robot.target_range import TargetRanger
 from robot.vision import freespace, ground, health, passage
 from robot.vision.egomotion import EgoMotionEstimator, Looks
-from robot.vision.stereo import FloorAlignedMatcher, SemiGlobalMatcher
+from robot.vision.stereo import AdaptiveWeightMatcher, FloorAlignedMatcher
 from robot.vision_schedule import Budget, VisionSchedule
 from robot.workers import Job, Result, Worker
 
@@ -84,7 +84,7 @@ class Perception:
         self._worker = worker
         self.map = obstacle_map
         self._matcher = FloorAlignedMatcher(
-            SemiGlobalMatcher(disparities=config.vision.disparities), rig, mount
+            AdaptiveWeightMatcher.normal(config.vision.disparities), rig, mount
         )
         ranger = TargetRanger(rig, mount, height_m)
         self._looker = Looker(rig, recognizer, ranger)

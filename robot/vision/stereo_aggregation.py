@@ -75,7 +75,7 @@ def _mean(first: NDArray[np.float64], moment: NDArray[np.float64], low: int, hig
 
 
 def shares(samples: Floats) -> Floats:
-    """(256, K) float32: how each grey value shares itself out among its two nearest samples; rows sum to 1."""
+    """(256, K) float32: how each grey value is shared out among its two nearest samples."""
     grey = np.arange(256, dtype=np.float32)
     knots = np.maximum.accumulate(samples + np.float32(1e-3) * np.arange(len(samples), dtype=np.float32))
     return np.stack(

@@ -27,7 +27,7 @@ SLOW_PX = 9
 """Grey values' means over so many pixels are taken out: eyes differ in exposure."""
 LARGEST_STEP_PX = 0.5
 SMOOTH_PX = 1.0
-"""Disparities this near to their window's mean lie on one surface: before each step the mean replaces them."""
+"""Disparities this near to their window's mean lie on one surface: the mean replaces them before a step."""
 LEAST_ENERGY = 0.02
 """Added to gradient energies, (grey levels / px)^2: nothing is learnt from a blank wall."""
 LEAST_CORRELATION = 0.8
@@ -50,6 +50,9 @@ class Window:
 
     half_side_px: int = 7
     steps: int = 2
+
+
+WINDOW = Window()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,6 +95,11 @@ def _fill_blank_rows(filled: Floats, seen: Mask) -> Floats:
     return np.ascontiguousarray(filled[nearest])
 
 
+def median(values: Floats) -> Floats:
+    """Median of each 3 x 3 pixels."""
+    return np.asarray(cv2.medianBlur(values.astype(np.float32, copy=False), 3), np.float32)
+
+
 def enlarge(halved: Floats, guide: Image, grey: Image) -> Index:
     """For each pixel of the picture (2h, 2w), which of the (h, w) values is its own, as a flat index.
 
@@ -122,7 +130,7 @@ def enlarge(halved: Floats, guide: Image, grey: Image) -> Index:
     return out
 
 
-def fit(left: Image, right: Image, coarse: Floats, window: Window = Window()) -> Fit:
+def fit(left: Image, right: Image, coarse: Floats, window: Window = WINDOW) -> Fit:
     """Least-squares fit of the disparities (H, W) to the grey values of (H, W) uint8 pictures.
 
     Gauss-Newton on the shift of a small window (Lucas & Kanade 1981) with the mean of both eyes' gradients
@@ -202,3 +210,8 @@ def _warped(right: Floats, values: Floats) -> Floats:
 def _levelled(grey: Image) -> Floats:
     smooth = cv2.GaussianBlur(grey.astype(np.float32), (5, 5), SMOOTHING_PX)
     return np.asarray(cv2.subtract(smooth, cv2.blur(smooth, (SLOW_PX, SLOW_PX))), np.float32)
+
+
+def doubled(plane: NDArray[Any]) -> NDArray[Any]:
+    """Twice the size, each pixel four times."""
+    return cv2.resize(plane, None, fx=2.0, fy=2.0, interpolation=cv2.INTER_NEAREST)

@@ -64,7 +64,7 @@ def select(costs: Floats) -> Winners:
 
 def greatest(scores: Floats) -> Floats:
     """Levels (h, w) with fraction of the greatest of (L, h, w) non-negative float32 scores, 2 <= L <= 256."""
-    count, height, width = scores.shape
+    height, width = scores.shape[1:]
     packed, low_bits = _packed(scores)
     winner: Levels = np.maximum.reduce(packed, axis=0) & low_bits
     pixel = np.arange(height * width, dtype=np.int32).reshape(height, width)

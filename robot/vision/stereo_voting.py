@@ -1,10 +1,10 @@
 """The second disparity-space volume, METHODS 7 equation (8): neighbours vote where the eyes disagree.
 
-DSV(u, v, d) = |d - D(u, v)| on stable pixels, aggregated with the same adaptive weights as the costs, and the
-level of the least sum wins. With distances cut off at `REACH` levels (a neighbour on another surface shall not
-pull) that is the level of the most votes, a vote counting for its own level and, less, for those beside it. So
-the grid is filled with votes straight away and the volume is never built. Pixels that were filled in before
-vote with a small weight, which decides where no stable one is near.
+DSV(u, v, d) = |d - D(u, v)| on stable pixels, aggregated with the same adaptive weights as the costs, and
+the level of the least sum wins. With distances cut off at `REACH` levels (a neighbour on another surface
+shall not pull) that is the level of the most votes, a vote counting for its own level and, less, for those
+beside it. So the grid is filled with votes straight away and the volume is never built. Pixels that were
+filled in before vote with a small weight, which decides where no stable one is near.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from robot.vision.stereo_selection import greatest
 Floats = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
+SUPPORT = Support()
 REACH = 2
 """Levels from which on a vote no longer counts."""
 
@@ -37,7 +38,7 @@ REACH = 2
 class Voting:
     """support: whose votes count. filled_weight: the vote of a pixel filled in, a stable one's being 1."""
 
-    support: Support = Support()
+    support: Support = SUPPORT
     filled_weight: float = 0.1
 
 
