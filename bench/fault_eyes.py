@@ -12,6 +12,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from calib.model import StereoRig
 from robot import displacement
 from robot.displacement import Displacement
 from robot.hal.faultbook import FaultBook
@@ -31,7 +32,9 @@ from robot.messages import (
     View,
     Want,
 )
-from robot.vision import health
+from robot.vision import health, misrectified
+from robot.vision.misrectified import Rectification
+from robot.vision.pair_check import check_pair
 
 WIDTH, HEIGHT = 160, 120
 DISPARITY_PX = 8
@@ -43,6 +46,8 @@ TOO_OLD_S = 0.8
 DARK, LIT = 0.12, 0.5
 """Brightness of the room with the light switched off, without and with the lamp, as a share."""
 PAIRS = 6
+BUMPED_ROWS = 2
+RIG = StereoRig.parallel(WIDTH, HEIGHT, 140.0, 0.06)
 FLOOR_EVERY, SIGNS_EVERY, MOTION_EVERY = 3, 2, 3
 """Good pictures from look to look at the floor, at the eyes' order, at the base's own motion."""
 
@@ -71,7 +76,7 @@ class ScriptedCamera:
 
     spoilt: '' or one of 'missing' (no pair at all), 'stopped' (none any more, and nobody knows why), 'old'
     (pairs that were taken long ago), 'frozen', 'black', 'odd' (of another size), 'odd told' (the driver keeps
-    them back), 'swapped', 'unpaired', 'unplugged'. dark: the room's light is off; lamp: its light, 0..1.
+    them back), 'swapped', 'bumped', 'unpaired', 'unplugged'. dark: the room's light is off; lamp: its light.
     """
 
     def __init__(self, lamp: Callable[[], float], spoilt: str = "") -> None:
@@ -133,6 +138,8 @@ class ScriptedCamera:
             return left[: HEIGHT // 2], right[: HEIGHT // 2]
         if self.spoilt == "swapped":
             left, right = right, left
+        if self.spoilt == "bumped":
+            right = np.roll(right, BUMPED_ROWS, axis=0)
         if not self.dark:
             return left, right
         share = LIT if self.lamp_works and self._lamp() > 0.5 else DARK
@@ -152,6 +159,7 @@ class ScriptedVision:
         self._percepts = Percepts()
         self._previous: StereoFrame | None = None
         self._swapped = False
+        self._rectification = Rectification()
         self._good = 0
         self._displacement = Displacement()
 
@@ -169,7 +177,9 @@ class ScriptedVision:
             return
         self._good += 1
         if self._good % SIGNS_EVERY == 0:
-            self._swapped = health.eyes_swapped(frame.left, frame.right)
+            check = check_pair(frame.left, frame.right, RIG)
+            self._swapped = check.swapped
+            self._rectification = misrectified.updated(self._rectification, check, at)
         if self._swapped:
             return
         if self._good % FLOOR_EVERY == 0:
@@ -183,8 +193,9 @@ class ScriptedVision:
         return self._percepts
 
     def faults(self, now: float) -> tuple[Fault, ...]:
-        """Those told, and a base that was moved."""
-        return (*self.told.values(), *displacement.faults(self._displacement))
+        """Those told, a base that was moved, eyes that no longer stand as calibrated."""
+        seen = (*displacement.faults(self._displacement), *misrectified.faults(self._rectification))
+        return (*self.told.values(), *seen)
 
     def set_down(self) -> None:
         """A person armed the robot."""

@@ -172,6 +172,7 @@ INJECTORS: dict[str, tuple[Injector, ...]] = {
     "camera.unpaired": (_camera("never at one moment", "unpaired"),),
     "camera.size": (_camera("seen", "odd"), _camera("told by the driver", "odd told")),
     "camera.swapped": (_camera("exchanged pictures", "swapped"),),
+    "camera.misrectified": (_camera("a bumped eye", "bumped"),),
     "camera.link": (_camera("unplugged", "unplugged"),),
     "head.link": (
         Injector("no answer", _head(frozenset({"link"})), _head(frozenset())),

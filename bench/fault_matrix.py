@@ -21,7 +21,9 @@ COASTING_S = 0.3
 HOLDING_S = 0.4
 """From a hold until the wheels have swung in: the brick's regulation takes back what they rolled too far."""
 ARM_BRAKES_S = 0.3
-SLOW_BY_NATURE = frozenset({"camera.swapped", "head.stuck", "base.moved", "base.battery_empty"})
+SLOW_BY_NATURE = frozenset(
+    {"camera.swapped", "camera.misrectified", "head.stuck", "base.moved", "base.battery_empty"}
+)
 """Rows that stop or halt and may take longer than STOP_BAR_S to notice: their own `detection_s`."""
 _SETTLE_S = 0.64
 _CARRY_ON_S = 0.4

@@ -1,7 +1,7 @@
 """One picture of what the matcher makes of real rooms: `python -m bench.stereo_sheet OUT.png [--data DIR]`.
 
-Rows of left eye | distance in metres | obstacles and passage, for each of the indoor pairs of PyPI's
-`stereodemo` (OAK-D, rectified, CC BY 4.0). DIR: a folder of NAME_left.png, NAME_right.png and
+Rows of left eye | distance measured | guessed between | obstacles and passage, for each of the indoor pairs
+of PyPI's `stereodemo` (OAK-D, rectified, CC BY 4.0). DIR: a folder of NAME_left.png, NAME_right.png and
 stereodemo_calibration.json; without it the installed package's own.
 """
 
@@ -26,16 +26,17 @@ from robot.errors import UserError
 from robot.messages import Image
 from robot.record import palette
 from robot.record.canvas import text
-from robot.vision.stereo import Disparity
+from robot.vision.densify import densified
+from robot.vision.disparity import Disparity
 
-PANEL_PX = (400, 314)
+PANEL_PX = (300, 236)
 """Width and height of one picture on the sheet."""
 GAP_PX, GUTTER_PX, HEAD_PX, CAPTION_PX, SCALE_PX = 6, 18, 64, 20, 92
 NEAREST_M, FARTHEST_M = 0.4, 8.0
 """Ends of the colour scale; it is linear in log Z, so that rooms and hands both keep their detail."""
 TICKS_M = (0.4, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0, 8.0)
 UNMEASURED = (54, 50, 46)
-PRESET = "normal"
+PRESET = "fine"
 _AREA = cv2.INTER_AREA
 
 
@@ -112,9 +113,14 @@ def sheet(
 
 
 def strip(pair: RealPair, found: Disparity, overlay: Overlay | None) -> Image:
-    """One pair: left eye, distance and, given an overlay, obstacles and passage, under a line of words."""
+    """One pair: left eye, distance measured and filled in and, given an overlay, obstacles and passage."""
     distance = pair.rig.depth(found.values.astype(np.float64))
-    panels = [_panel(pair.left, _AREA), _panel(depth_colours(distance, found.valid), cv2.INTER_NEAREST)]
+    guess = densified(found, pair.left)
+    panels = [
+        _panel(pair.left, _AREA),
+        _panel(depth_colours(distance, found.valid), cv2.INTER_NEAREST),
+        _panel(depth_colours(pair.rig.depth(guess.astype(np.float64)), guess > 0.0), cv2.INTER_NEAREST),
+    ]
     if overlay is not None:
         panels.append(_panel(overlay(pair, found), _AREA))
     gap = _ground(PANEL_PX[1], GAP_PX)
@@ -124,7 +130,8 @@ def strip(pair: RealPair, found: Disparity, overlay: Overlay | None) -> Image:
     body = np.hstack(joined)
     caption = _ground(CAPTION_PX, body.shape[1])
     text(caption, pair.name.replace("_", " "), (2, 14), palette.PAPER, size=0.45)
-    text(caption, _measured(distance, found), (PANEL_PX[0] + GAP_PX + 2, 14), palette.MUTED, size=0.42)
+    for number, words in enumerate((_measured(distance, found), "guessed between"), start=1):
+        text(caption, words, (number * (PANEL_PX[0] + GAP_PX) + 2, 14), palette.MUTED, size=0.42)
     return np.asarray(np.vstack([caption, body, _ground(GAP_PX, body.shape[1])]), np.uint8)
 
 
@@ -228,7 +235,9 @@ def _measured(distance: NDArray[np.float64], found: Disparity) -> str:
 def _head(width: int, overlaid: bool) -> Image:
     head = _ground(HEAD_PX, width)
     text(head, "Dense stereo on real rooms", (GUTTER_PX, 28), palette.PAPER, size=0.7, bold=True)
-    shown = "left eye | distance" + (" | obstacles and passage" if overlaid else "")
+    shown = "left eye | distance measured | guessed between" + (
+        " | obstacles and passage" if overlaid else ""
+    )
     words = f"{shown}; dark grey: not measured. Pairs: stereodemo, OAK-D, CC BY 4.0"
     text(head, words, (GUTTER_PX, 50), palette.MUTED, size=0.45)
     return head

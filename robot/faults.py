@@ -90,6 +90,13 @@ TABLE: dict[str, Row] = {
         "left and right eye are swapped: exchange cameras.left and cameras.right",
         person_may_drive=True,
     ),
+    "camera.misrectified": Row(
+        HALT,
+        6.0,
+        "the rows agree again",
+        "the eyes no longer stand as calibrated: was a camera bumped? calibrate again",
+        person_may_drive=True,
+    ),
     "camera.link": Row(
         STOP,
         0.5,

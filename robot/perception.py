@@ -30,12 +30,15 @@ from robot.messages import (
     Twist,
     View,
     Want,
+    wrap,
 )
 from robot.nav.grid import ObstacleMap
 from robot.target import TargetFollower, TargetSight
 from robot.target_range import TargetRanger
-from robot.vision import freespace, ground, health, passage
+from robot.vision import freespace, ground, health, misrectified, passage
 from robot.vision.egomotion import EgoMotionEstimator, Looks
+from robot.vision.misrectified import Rectification
+from robot.vision.pair_check import PairCheck, check_pair
 from robot.vision.stereo import AdaptiveWeightMatcher, FloorAlignedMatcher
 from robot.vision_schedule import Budget, VisionSchedule
 from robot.workers import Job, Result, Worker
@@ -55,13 +58,6 @@ class Obstacles:
     """What the ground-plane stage found: points (N, 2) that stand up from the floor, robot frame."""
 
     points: Points
-
-
-@dataclass(frozen=True, slots=True)
-class EyesVerdict:
-    """Whether left and right eye are exchanged."""
-
-    swapped: bool
 
 
 class Perception:
@@ -96,6 +92,8 @@ class Perception:
         self._seed: tuple[View, Detection] | None = None
         self._previous: View | None = None
         self._swapped = False
+        self._rectification = Rectification()
+        self._checked: View | None = None
         self._wants: frozenset[Want] = frozenset()
         self._late_since: float | None = None
         stages = {name: getattr(config.vision, name) for name in STAGES}
@@ -153,6 +151,7 @@ class Perception:
     def faults(self, now: float) -> tuple[Fault, ...]:
         """Errors inside vision, lateness as long as rates are lowered, a base that was moved."""
         found = [*self._errors.values(), *displacement.faults(self._displacement)]
+        found += misrectified.faults(self._rectification)
         budget = self.budget(self._wants)
         if not budget.lowered:
             self._late_since = None
@@ -231,8 +230,8 @@ class Perception:
         )
         return Obstacles(points[:, :2])
 
-    def _health(self, view: View) -> EyesVerdict:
-        return EyesVerdict(health.eyes_swapped(view.frame.left, view.frame.right))
+    def _health(self, view: View) -> PairCheck:
+        return check_pair(view.frame.left, view.frame.right, self._rig)
 
     def _recognize(self, view: View) -> tuple[Detection, ...]:
         return self._looker.look(view)
@@ -254,12 +253,22 @@ class Perception:
                 self._long_look = Timed(long, at) if long is not None else self._long_look
             case Obstacles(points=points):
                 self.map.update(_only_obstacles(points), result.view.base, at)
-            case EyesVerdict(swapped=swapped):
-                self._swapped = swapped
+            case PairCheck() as check:
+                self._take_check(check, result.view)
             case tuple() as detections:
                 self._percepts = replace(self._percepts, detections=Timed(detections, at))
                 if detections:
                     self._seed = (result.view, detections[0])
+
+    def _take_check(self, check: PairCheck, view: View) -> None:
+        """Whether the pair is what stereo takes it for. Eyes that turned meanwhile prove nothing of rows."""
+        self._swapped = check.swapped
+        at, before, self._checked = view.frame.captured_at, self._checked, view
+        if before is None or at <= before.frame.captured_at:
+            return
+        turned = wrap(view.base.yaw + view.head.pan - before.base.yaw - before.head.pan)
+        rate = max(abs(turned), abs(view.head.tilt - before.head.tilt)) / (at - before.frame.captured_at)
+        self._rectification = misrectified.updated(self._rectification, check, at, rate)
 
     def _take_sight(self, sight: TargetSight, view: View) -> None:
         if not self._follower.active:

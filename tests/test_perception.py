@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +16,7 @@ from robot.messages import (
     Box,
     Detection,
     EgoMotion,
+    Fault,
     FreeSpace,
     HeadPose,
     Image,
@@ -26,8 +27,9 @@ from robot.messages import (
     Want,
 )
 from robot.nav.grid import ObstacleMap
-from robot.perception import HANDS_WIDTH, SEED_LIFE, STAGES, EyesVerdict, Obstacles, Perception
+from robot.perception import HANDS_WIDTH, SEED_LIFE, STAGES, Obstacles, Perception
 from robot.vision.egomotion import Looks
+from robot.vision.pair_check import PairCheck
 from robot.vision.textures import texture
 from robot.vision_schedule import BATCH_BUDGET
 from robot.workers import Job, Result, run
@@ -321,7 +323,46 @@ def test_eyes_put_in_order_again_are_noticed() -> None:
 def test_eyes_in_order_are_not_called_exchanged() -> None:
     bench = Bench()
     job = bench.job("health", view(TICK), NONE)
-    assert run(job, 0.0).value == EyesVerdict(swapped=False)
+    check = run(job, 0.0).value
+    assert isinstance(check, PairCheck)
+    assert not check.swapped
+
+
+def bumped(at: float) -> View:
+    """What a right eye sees that was pushed down: everything two pixels higher."""
+    frame = view(at).frame
+    return View(StereoFrame(frame.left, np.roll(frame.right, -2, axis=0), at, 1), HeadPose(), Pose2())
+
+
+def looks(bench: Bench, seen: Callable[[float], View], begin: float) -> tuple[list[Fault], list[Fault]]:
+    """Eight looks 0.6 s apart; vision's faults after the second and after the last."""
+    early: list[Fault] = []
+    for k in range(8):
+        at = begin + 0.6 * k
+        bench.do("health", seen(at), NONE)
+        early = list(bench.perception.faults(at)) if k == 1 else early
+    return early, list(bench.perception.faults(begin + 5.0))
+
+
+def test_a_bumped_eye_is_told_once_several_looks_agree_and_taken_back_when_it_stands_right() -> None:
+    bench = Bench()
+    assert looks(bench, view, 1.0) == ([], [])
+    early, late = looks(bench, bumped, 10.0)
+    assert early == []
+    assert [fault.key for fault in late] == ["camera.misrectified"]
+    assert "px too high: was a camera bumped? Calibrate again" in late[0].evidence
+    early, late = looks(bench, view, 20.0)
+    assert [fault.key for fault in early] == ["camera.misrectified"]
+    assert late == []
+
+
+def test_rows_that_seem_off_while_the_head_turns_accuse_nobody() -> None:
+    bench = Bench()
+
+    def turning(at: float) -> View:
+        return replace(bumped(at), head=HeadPose(pan=0.2 * at))
+
+    assert looks(bench, turning, 1.0) == ([], [])
 
 
 # -------------------------------------------------------------------------------------------- results

@@ -26,6 +26,7 @@ READ_NOISE = 0.9
 EXPOSURE_TARGET = 105.0
 EXPOSURE_LIMITS = (0.35, 2.6)
 EXPOSURE_TIME_S = 0.5
+BUMPED_ROWS = 2  # the right eye sees everything so many pixels lower once it was bumped
 _NO_NEW_PICTURE = frozenset({"stale", "unpaired", "link", "missing"})
 _BANK = 48  # how far the noise bank can be shifted
 FLOAT_LUT = NDArray[np.float32]
@@ -170,6 +171,8 @@ class SimStereoCamera:
         pair = (self._left.expose(left, self.exposure, seq), self._right.expose(right, self.exposure, seq))
         if "size" in self._broken:
             pair = (np.ascontiguousarray(pair[0][::2, ::2]), np.ascontiguousarray(pair[1][::2, ::2]))
+        if "misrectified" in self._broken:
+            pair = (pair[0], np.roll(pair[1], BUMPED_ROWS, axis=0))
         return (pair[1], pair[0]) if "swapped" in self._broken else pair
 
     def _adapt(self, rendered: Image, now: float) -> None:

@@ -11,6 +11,7 @@ from robot.sim.brick_emulator import BrickEmulator
 KINDS: dict[str, tuple[str, ...]] = {
     "camera": (
         "black", "frozen", "swapped", "stale", "unpaired", "dropped", "link", "size", "missing",
+        "misrectified",
     ),
     "head": ("stuck", "link"),
     "lamp": ("dead", "link"),
