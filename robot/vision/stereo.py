@@ -23,7 +23,7 @@ from robot.vision.floor_aligned import FloorAlignedMatcher, floor_disparities
 from robot.vision.pair_input import grey_pair
 from robot.vision.stereo_aggregation import Support, aggregate
 from robot.vision.stereo_checks import measured
-from robot.vision.stereo_cost import MatchingCost, plain_cost, pooled_cost
+from robot.vision.stereo_cost import MatchingCost, pooled_cost, row_pooled_cost
 from robot.vision.stereo_refinement import Window, doubled, enlarge, fill_rows, median
 from robot.vision.stereo_selection import Winners, select
 from robot.vision.stereo_voting import Voting, vote
@@ -38,7 +38,7 @@ __all__ = [
 ]
 
 COST = MatchingCost()
-NORMAL, FINE, HALVED = Support(), Support(clusters=16), Support(clusters=4, cell=4)
+NORMAL, FINE, HALVED = Support(), Support(clusters=16), Support(clusters=4)
 LAST_LEVELS = 1.5
 """What is matched to the search's very end may well lie beyond it."""
 HALVED_WINDOW = Window(half_side_px=5, steps=1)
@@ -118,10 +118,10 @@ class AdaptiveWeightMatcher:
 
 
 class HalvedMatcher:
-    """The same three stages on the pictures at half their size: a quarter of the pixels and disparities.
+    """The same three stages on the pictures at half their size, rows pooled once more.
 
-    What is finer than two pixels is lost, and values and sigma are half as good. Arguments, result and errors
-    as of `AdaptiveWeightMatcher`.
+    What is finer than two pixels (four along columns) is lost, and values and sigma are half
+    as good. Arguments, result and errors as of `AdaptiveWeightMatcher`.
     """
 
     def __init__(
@@ -138,12 +138,16 @@ class HalvedMatcher:
         """Match left (H, W[, 3]) with right. See the class."""
         eyes = grey_pair(left, right)
         height, width = eyes[0].shape
-        half_left, half_right = (halved(padded(eye, 2 * self.support.cell)) for eye in eyes)
-        costs = plain_cost(half_left, half_right, self.disparities // 2, self.cost)
-        winners = select(aggregate(costs, half_left, self.support))
+        half_left, half_right = (halved(padded(eye, 4 * self.support.cell)) for eye in eyes)
+        size = half_left.shape[1], half_left.shape[0]
+        guide = cv2.resize(half_left, (size[0], size[1] // 2), interpolation=cv2.INTER_AREA)
+        costs = row_pooled_cost(half_left, half_right, self.disparities // 2, self.cost)
+        winners = select(aggregate(costs, guide.astype(np.uint8, copy=False), self.support))
         levels = median(fill_rows(winners.level, winners.stable))
         stable = own(winners, levels) & (levels < self.disparities // 2 - LAST_LEVELS)
-        half = measured(half_left, half_right, levels, stable, HALVED_WINDOW)
+        coarse = cv2.resize(levels, size, interpolation=cv2.INTER_NEAREST)
+        trusted = cv2.resize(stable.view(np.uint8), size, interpolation=cv2.INTER_NEAREST).view(np.bool_)
+        half = measured(half_left, half_right, np.asarray(coarse, np.float32), trusted, HALVED_WINDOW)
         return Disparity(
             np.ascontiguousarray(doubled(2.0 * half.values)[:height, :width]),
             doubled(half.valid.view(np.uint8)).view(np.bool_)[:height, :width],

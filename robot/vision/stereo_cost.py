@@ -57,13 +57,18 @@ def pooled_cost(left: Image, right: Image, disparities: int, cost: MatchingCost)
     return levels
 
 
-def plain_cost(left: Image, right: Image, disparities: int, cost: MatchingCost) -> Planes:
-    """Costs of (H, W) uint8 pictures, a level for each disparity: (disparities, H, W) uint8."""
+def row_pooled_cost(left: Image, right: Image, disparities: int, cost: MatchingCost) -> Planes:
+    """Costs of (H, W) uint8 pictures, rows pooled by twos: (disparities, H / 2, W) uint8; H even.
+
+    Along the rows nothing is pooled: that is where disparities are found.
+    """
+    height, width = left.shape
     eyes = _Eyes(left, right, disparities, cost)
-    levels = np.empty((disparities, *left.shape), np.uint8)
-    scratch = np.empty_like(left)
+    levels = np.empty((disparities, height // 2, width), np.uint8)
+    whole, scratch = np.empty_like(left), np.empty_like(left)
     for level, plane in enumerate(levels):
-        eyes.cost_at(level, plane, scratch)
+        eyes.cost_at(level, whole, scratch)
+        cv2.resize(whole, (width, height // 2), dst=plane, interpolation=cv2.INTER_AREA)
     return levels
 
 
