@@ -80,7 +80,7 @@ class Perception:
         self._worker = worker
         self.map = obstacle_map
         self._matcher = FloorAlignedMatcher(
-            AdaptiveWeightMatcher.normal(config.vision.disparities), rig, mount
+            AdaptiveWeightMatcher.floors(config.vision.disparities), rig, mount
         )
         ranger = TargetRanger(rig, mount, height_m)
         self._looker = Looker(rig, recognizer, ranger)

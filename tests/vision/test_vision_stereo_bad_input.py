@@ -35,7 +35,8 @@ MATCHERS: dict[str, Callable[[int], Matches]] = {
     "lite": AdaptiveWeightMatcher.lite,
     "normal": AdaptiveWeightMatcher.normal,
     "fine": AdaptiveWeightMatcher.fine,
-    "normal, floor aligned": lambda searched: _floor_aligned(AdaptiveWeightMatcher.normal(searched)),
+    "floors": AdaptiveWeightMatcher.floors,
+    "floors, floor aligned": lambda searched: _floor_aligned(AdaptiveWeightMatcher.floors(searched)),
 }
 """How each matcher is made for a number of disparities (a multiple of 16) that it searches from 0 on."""
 
