@@ -23,9 +23,9 @@ def finder_for(kind: str) -> Finder:
 
 @cache
 def _base() -> Finder:
-    return free_way.FreeWayFinder(BASE_RIG, BASE_MOUNT, BASE, AdaptiveWeightMatcher.normal(BASE_DISPARITIES))
+    return free_way.FreeWayFinder(BASE_RIG, BASE_MOUNT, BASE, AdaptiveWeightMatcher.floors(BASE_DISPARITIES))
 
 
 @cache
 def _hand() -> Finder:
-    return free_way.HandWayFinder(HAND_RIG, HAND_MOUNT, HAND, AdaptiveWeightMatcher.normal(HAND_DISPARITIES))
+    return free_way.HandWayFinder(HAND_RIG, HAND_MOUNT, HAND, AdaptiveWeightMatcher.floors(HAND_DISPARITIES))

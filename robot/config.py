@@ -173,20 +173,17 @@ class Vision(Struct, frozen=True, forbid_unknown_fields=True):
     ] = 64
     confirm_frames: Annotated[int, _doc("agreeing frames before a candidate is the target", ge=1, le=20)] = 3
     max_load: Annotated[float, _doc("share of one core vision may use", ge=0.1, le=1.0)] = 0.9
-    health: Annotated[Stage, _doc("picture checks")] = field(
-        default_factory=lambda: Stage(rate_hz=12.5, cost_s=0.002)
+    health: Annotated[Stage, _doc("whether the pair is one: eyes in order, rows that agree")] = field(
+        default_factory=lambda: Stage(rate_hz=6.0, cost_s=0.003)
     )
     track: Annotated[Stage, _doc("following the target and its range")] = field(
         default_factory=lambda: Stage(rate_hz=25.0, cost_s=0.008)
     )
-    free_space: Annotated[Stage, _doc("dense stereo and free floor")] = field(
-        default_factory=lambda: Stage(rate_hz=8.4, cost_s=0.028)
+    free_space: Annotated[Stage, _doc("dense stereo, ground plane, free floor and passage")] = field(
+        default_factory=lambda: Stage(rate_hz=8.4, cost_s=0.03)
     )
     motion: Annotated[Stage, _doc("the base's own motion by the eyes, held against its wheels")] = field(
         default_factory=lambda: Stage(rate_hz=8.0, cost_s=0.006)
-    )
-    ground: Annotated[Stage, _doc("obstacle points by the ground plane")] = field(
-        default_factory=lambda: Stage(rate_hz=4.2, cost_s=0.012)
     )
     recognize: Annotated[Stage, _doc("looking for the target in the whole picture")] = field(
         default_factory=lambda: Stage(rate_hz=5.0, cost_s=0.06)

@@ -232,15 +232,22 @@ class Track:
 
 @dataclass(frozen=True, slots=True)
 class Passage:
-    """The largest circle that fits into the free part of the picture.
+    """The opening through which there is most room to go, and whether what must pass may.
 
-    centre and radius in pixels; diameter in metres; position of the centre in the robot frame.
+    centre and radius in pixels of the left picture; diameter in metres: of the largest circle that fits (the
+    hand), or of the largest upright cylinder of the body's height that fits, the opening's clear width (the
+    base); position of its centre in the robot frame (for a hand: as its finder says). sigma_diameter and
+    sigma_position: standard deviations in metres, infinite where nobody told them.
+    safe: what must pass fits with its margin, and the way to the opening is free. Doubt means not safe.
     """
 
     centre: tuple[float, float]
     radius_px: float
     diameter: float
     position: tuple[float, float, float]
+    sigma_diameter: float = math.inf
+    sigma_position: float = math.inf
+    safe: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,7 +7,7 @@ The obstacle map is kept here because every look at the floor changes it.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -24,7 +24,6 @@ from robot.messages import (
     FreeSpace,
     Health,
     Percepts,
-    Points,
     Pose2,
     Timed,
     Twist,
@@ -35,29 +34,25 @@ from robot.messages import (
 from robot.nav.grid import ObstacleMap
 from robot.target import TargetFollower, TargetSight
 from robot.target_range import TargetRanger
-from robot.vision import freespace, ground, health, misrectified, passage
+from robot.vision import health, misrectified
 from robot.vision.egomotion import EgoMotionEstimator, Looks
+from robot.vision.free_way import FreeWayFinder, WayLimits
+from robot.vision.freespace import FloorLimits
 from robot.vision.misrectified import Rectification
 from robot.vision.pair_check import PairCheck, check_pair
-from robot.vision.stereo import AdaptiveWeightMatcher, FloorAlignedMatcher
+from robot.vision.section import BoxSection
+from robot.vision.stereo import AdaptiveWeightMatcher
 from robot.vision_schedule import Budget, VisionSchedule
 from robot.workers import Job, Result, Worker
 
-STAGES = ("track", "free_space", "motion", "health", "ground", "recognize")
-ALWAYS = ("free_space", "motion", "health", "ground")
+STAGES = ("track", "free_space", "motion", "health", "recognize")
+ALWAYS = ("free_space", "motion", "health")
 CLEARANCE_RANGE = 1.5  # metres the guard looks ahead: farther than any stopping distance
 GRAZE_MARGIN = 0.02  # metres kept beside the body, a map cell's half
 FLOOR_MEMORY = 30.0  # seconds for which floor seen free stays known
 HANDS_WIDTH = 0.2  # metres about the robot that must be free where it is put down; its eyes cannot see there
 FRESH_BOX = 0.3  # seconds for which a track's box still says where the target is
 SEED_LIFE = 1.0  # seconds for which a detection may start a track
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Obstacles:
-    """What the ground-plane stage found: points (N, 2) that stand up from the floor, robot frame."""
-
-    points: Points
 
 
 class Perception:
@@ -79,8 +74,12 @@ class Perception:
         self._recognizer = recognizer
         self._worker = worker
         self.map = obstacle_map
-        self._matcher = FloorAlignedMatcher(
-            AdaptiveWeightMatcher.floors(config.vision.disparities), rig, mount
+        self._ways = FreeWayFinder(
+            rig,
+            mount,
+            BoxSection(2.0 * config.base.radius_m, config.base.body_height_m),
+            AdaptiveWeightMatcher.floors(config.vision.disparities),
+            WayLimits(FloorLimits(config.safety.step_height_m, config.base.body_height_m)),
         )
         ranger = TargetRanger(rig, mount, height_m)
         self._looker = Looker(rig, recognizer, ranger)
@@ -198,7 +197,6 @@ class Perception:
             "free_space": self._free_space,
             "motion": self._moved,
             "health": self._health,
-            "ground": self._ground,
             "recognize": self._recognize,
         }
         return stages[name]
@@ -212,23 +210,12 @@ class Perception:
         return self._follower.update(view)
 
     def _free_space(self, view: View) -> FreeSpace:
-        disparity = self._matcher(view.frame.left, view.frame.right, view.head.pan, view.head.tilt)
-        seen = (disparity, self._rig, self._mount, view.head.pan, view.head.tilt)
-        floor = freespace.free_space(*seen)
-        # The floor's cells are coarse: where a cell ends behind a step's face, the face itself ends the way.
-        floor = freespace.merge(floor, floor.obstacles)
-        return replace(floor, passage=passage.free_passage(*seen))
+        return self._ways(view.frame.left, view.frame.right, view.head.pan, view.head.tilt)
 
     def _moved(self, view: View) -> Looks:
         track = self._percepts.track  # the target may move by itself: what it shows says nothing of the base
         fresh = track is not None and not track.value.lost and track.age(view.frame.captured_at) <= FRESH_BOX
         return self._motion.update(view, track.value.box if track is not None and fresh else None)
-
-    def _ground(self, view: View) -> Obstacles:
-        points = ground.obstacle_points(
-            view.frame.left, view.frame.right, self._rig, self._mount, view.head.pan, view.head.tilt
-        )
-        return Obstacles(points[:, :2])
 
     def _health(self, view: View) -> PairCheck:
         return check_pair(view.frame.left, view.frame.right, self._rig)
@@ -251,8 +238,6 @@ class Perception:
                 if short is not None:
                     self._percepts = replace(self._percepts, motion=Timed(short, at))
                 self._long_look = Timed(long, at) if long is not None else self._long_look
-            case Obstacles(points=points):
-                self.map.update(_only_obstacles(points), result.view.base, at)
             case PairCheck() as check:
                 self._take_check(check, result.view)
             case tuple() as detections:
@@ -307,9 +292,3 @@ class Perception:
             self._percepts, health=Timed(Health(brightness, told), view.frame.captured_at)
         )
         return fault
-
-
-def _only_obstacles(points: Points) -> FreeSpace:
-    """Obstacle points without any word on free floor."""
-    none = np.zeros(0)
-    return FreeSpace(none, none, none, points)

@@ -27,7 +27,7 @@ from robot.messages import (
     Want,
 )
 from robot.nav.grid import ObstacleMap
-from robot.perception import HANDS_WIDTH, SEED_LIFE, STAGES, Obstacles, Perception
+from robot.perception import HANDS_WIDTH, SEED_LIFE, STAGES, Perception
 from robot.vision.egomotion import Looks
 from robot.vision.pair_check import PairCheck
 from robot.vision.textures import texture
@@ -154,13 +154,13 @@ COSTS = {name: stage.cost_s for name, stage in CONFIGURED.items()}
 
 def test_every_wanted_stage_runs_at_its_rate() -> None:
     counts = Bench().drive(10.0, TRACKING, COSTS)
-    assert set(counts) == {"track", "free_space", "motion", "health", "ground"}
+    assert set(counts) == {"track", "free_space", "motion", "health"}
     for name, count in counts.items():
         assert count == pytest.approx(10.0 * CONFIGURED[name].rate_hz, rel=0.15), name
 
 
 def test_what_is_not_wanted_does_not_run_but_the_guards_needs_always_do() -> None:
-    assert set(Bench().drive(2.0, NONE, COSTS)) == {"free_space", "motion", "health", "ground"}
+    assert set(Bench().drive(2.0, NONE, COSTS)) == {"free_space", "motion", "health"}
     assert "recognize" in Bench().drive(2.0, SEARCHING, COSTS)
     assert "track" not in Bench().drive(2.0, SEARCHING, COSTS)
 
@@ -168,7 +168,7 @@ def test_what_is_not_wanted_does_not_run_but_the_guards_needs_always_do() -> Non
 def test_a_batch_fits_into_one_tick_or_is_a_single_stage() -> None:
     bench = Bench()
     counts = bench.drive(6.0, BOTH, COSTS)
-    assert counts["recognize"] >= 6.0 * 0.8 * CONFIGURED["recognize"].rate_hz, (
+    assert counts["recognize"] >= 6.0 * 0.75 * CONFIGURED["recognize"].rate_hz, (
         "longer than a tick, yet it runs"
     )
     for batch in bench.worker.batches:
@@ -225,7 +225,7 @@ def test_slow_stages_lower_the_rates_say_so_and_leave_the_guards_needs_alone() -
         assert budget.rates_hz[name] == CONFIGURED[name].rate_hz
         # Batches hold less now, so a stage may have to wait a tick for its turn.
         assert counts[name] >= 0.6 * 8.0 * CONFIGURED[name].rate_hz, name
-    for name in ("track", "recognize", "ground"):
+    for name in ("track", "recognize"):
         assert 0.0 < budget.rates_hz[name] < 0.6 * CONFIGURED[name].rate_hz
         assert counts[name] > 0
 
@@ -502,10 +502,10 @@ def test_obstacles_enter_the_map_where_the_robot_was_when_they_were_seen() -> No
     bench.perception.collect(TICK)
     free = bench.perception.clearance(Pose2(), Twist(0.2, 0.0), TICK).distance
     # Seen 0.4 m ahead from half a metre further on: it stands at 0.9 m.
-    post = Obstacles(np.array([[0.4, y] for y in (-0.03, 0.0, 0.03)]))
+    none = np.zeros(0)
+    post = FreeSpace(none, none, none, np.array([[0.4, y] for y in (-0.03, 0.0, 0.03)]))
     for at in (0.4, 0.8):
-        job = bench.job("ground", view(at, base=Pose2(0.5, 0.0, 0.0)), NONE)
-        bench.worker.finish(job, post)
+        bench.worker.finish(bench.job("free_space", view(at, base=Pose2(0.5, 0.0, 0.0)), NONE), post)
         bench.perception.collect(at)
     blocked = bench.perception.clearance(Pose2(), Twist(0.2, 0.0), 0.8)
     assert blocked.limited_by == "obstacle"

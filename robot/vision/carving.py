@@ -1,14 +1,13 @@
-"""How far the air is measured empty: space carving by the rays of both eyes, over the floor's plan.
+"""How far the air is measured empty: space carving by the rays of both eyes.
 
 A ray that is measured to end at a far surface proves the air before it empty, whichever eye it belongs to.
 Beside every near thing lies a strip that one eye alone sees: it has no disparity. But the other eye looks
 through that very place to a background both see, and so it is measured empty after all. No right-referenced
 matching is needed for this: a matched pixel is a ray of the left eye and one of the right.
 
-The plan is laid out from the left eye: columns are directions (tangents to the right of the head's own
-direction), rings are forward distances. A place in the plan is *empty* if nearly all rays of one eye that
-cross the body's heights there go on behind it, and none to speak of ended before it.
-Source: METHODS 10 with Kutulakos & Seitz, "A theory of shape by space carving" (2000), for the rays.
+All is laid out upright from the left eye: columns are directions (tangents to the right of the head's own
+direction), rows are rays of equal drop, distances are forward ones. Source: METHODS 10 with Kutulakos and
+Seitz, "A theory of shape by space carving" (IJCV 2000).
 """
 
 from __future__ import annotations
@@ -16,12 +15,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.model import HeadMount, StereoRig
+from robot.vision.disparity import Disparity
+from robot.vision.fringe import GUESS_SIGMA_PX, continued, specks_closed
 from robot.vision.levelling import FloorLevel
-from robot.vision.stereo import Disparity
 
 Floats = NDArray[np.float32]
 Index = NDArray[np.intp]
@@ -30,33 +31,51 @@ Vector = NDArray[np.float64]
 
 ROW_STEP = 2
 """Every second row is looked at: neighbouring rows of a matcher's map say the same."""
-RING_RATIO = 1.03
-"""Each ring lies so much farther than the one before."""
-EMPTY_SHARE = 0.85
-"""Of the rays that cross the body's heights so many must be measured to go on."""
-STANDING_ROWS = 3
-"""So many rays of one direction that end before a place bar it; fewer are false matches."""
-IN_VIEW_SHARE = 0.9
-"""Of the rows at a distance so many must lie in the picture, or a direction is out of view there."""
+FRINGE_PX = 36
+"""Directions an unmeasured fringe at an edge spans at most."""
+FOOT_COLUMNS = 11
+"""Unmeasured spots of the floor narrower than this are bridged sideways, columns."""
+FLOOR_GAP = 0.1
+"""Unseen floor is bridged as far as this at least, metres: floors have bare spots."""
+FIRST_FLOOR = 0.65
+"""Floor first seen farther away than this, metres from the eyes, says nothing of what stands before it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Plan:
-    """Where the air is measured empty, seen from above.
+class Rays:
+    """The upright rays of the left eye; rows (R,), directions (K,).
 
-    tangents (K,): directions of the columns to the right of the head's forward direction; distances (J,):
-    forward from the eyes, metres, ascending; empty (K, J) bool; in_view (K, J) bool: within the left picture;
-    top (J,): how high above the floor the picture reaches there, metres.
-    eye (3,): the left eye in the robot frame; pan: the head's, radians.
+    tangents: metres to the right for each metre forward; drop: metres down for each metre forward, against
+    the floor; enters, leaves: between which forward distances a row's rays cross the body's heights; seen
+    (R, K): which lie in the picture. eye (3,): robot frame; height: above the floor; pan: of the head.
     """
 
     tangents: Vector
-    distances: Vector
-    empty: Mask
-    in_view: Mask
-    top: Vector
+    drop: Vector
+    enters: Vector
+    leaves: Vector
+    seen: Mask
     eye: Vector
+    height: float
     pan: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Air:
+    """What the rays end at.
+
+    left, right (R, K): forward distance in metres to what each ray of the left eye, of the right eye is
+    measured to end at, 0 where unmeasured. foot (K,): up to where the floor was seen without a wide gap.
+    focal_baseline: disparity times forward distance, pixels of direction times metres.
+    """
+
+    rays: Rays
+    left: Floats
+    right: Floats
+    guess_left: Floats
+    guess_right: Floats
+    foot: Floats
+    focal_baseline: float
 
 
 def carve(
@@ -67,103 +86,35 @@ def carve(
     tilt: float,
     level: FloorLevel,
     heights: tuple[float, float],
-    reach: tuple[float, float] = (0.2, 2.5),
-) -> Plan:
-    """The plan of the air between two heights above the floor, as one disparity map measures it.
+) -> Air:
+    """What the rays of both eyes end at, by one disparity map.
 
     Args:
         disparity: of the left picture.
         rig: parallel pair.
         mount: where the head sits; pan, tilt: of the head, radians.
         level: how the floor really lies.
-        heights: lowest and highest metres that must be empty.
-        reach: nearest and farthest forward distance from the eyes, metres.
+        heights: lowest and highest metres above the floor that must be empty.
     """
-    rows = _Rows.of(disparity, rig, mount, pan, tilt, level, heights)
-    distances = reach[0] * RING_RATIO ** np.arange(
-        1 + int(math.log(reach[1] / reach[0]) / math.log(RING_RATIO))
+    picked, forward, rays = _rays(disparity.values.shape[0], rig, mount, pan, tilt, level, heights)
+    focal_baseline = rig.left.fx * rig.baseline
+    every, valid, sure = _upright(disparity, rig, picked, forward, rays)
+    surface = np.where(valid, every, np.float32(0.0))
+    left = specks_closed(continued(surface, np.float32(focal_baseline) / every, sure, FRINGE_PX))
+    guess = np.where(left > 0.0, left, np.where(sure, every, np.float32(0.0)))
+    return Air(
+        rays,
+        left,
+        by_right_eye(left, focal_baseline),
+        guess,
+        by_right_eye(guess, focal_baseline),
+        _feet(left, rays, heights[0]),
+        focal_baseline,
     )
-    tangents = _tangents(rig, rows)
-    left, seen = _upright(disparity, rig, rows, tangents)
-    crossing = (rows.enters[:, None] <= distances) & (distances < rows.leaves[:, None])
-    expected = seen.T.astype(np.float32) @ crossing.astype(np.float32)
-    in_view = expected >= np.maximum(IN_VIEW_SHARE * crossing.sum(axis=0), 1.0)
-    shift = rig.left.fx * rig.baseline / distances
-    empty = _empty(left, rows, distances, expected) & in_view
-    empty |= _moved(
-        _empty(_seen_from_right(left, rig.left.fx * rig.baseline), rows, distances, expected) & in_view, shift
-    )
-    top = rows.eye_height - distances * float(rows.drop.min())
-    return Plan(tangents, distances, empty, in_view, top, rows.eye, pan)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Rows:
-    """The picture's rows looked at, arrays (R,): of a row's rays.
-
-    rows: picture row; forward: metres forward for each metre of depth; drop: metres down for each metre
-    forward, against the floor; enters, leaves: between which forward distances they cross the heights.
-    """
-
-    rows: Index
-    forward: Vector
-    drop: Vector
-    enters: Vector
-    leaves: Vector
-    eye: Vector
-    eye_height: float
-
-    @classmethod
-    def of(
-        cls,
-        disparity: Disparity,
-        rig: StereoRig,
-        mount: HeadMount,
-        pan: float,
-        tilt: float,
-        level: FloorLevel,
-        heights: tuple[float, float],
-    ) -> _Rows:
-        rotation, eye = mount.left_eye(pan, tilt)
-        ahead = np.array([math.cos(pan), math.sin(pan), 0.0])
-        rows = np.arange(0, disparity.values.shape[0], ROW_STEP)
-        down = (rows - rig.left.cy) / rig.left.fy
-        forward = rotation[:, 1] @ ahead * down + rotation[:, 2] @ ahead
-        keep = forward > 0.2
-        rows, down, forward = rows[keep], down[keep], forward[keep]
-        slope = level.ahead * ahead[0] + level.aside * ahead[1]
-        drop = -(rotation[2, 1] * down + rotation[2, 2]) / forward + slope
-        height = float(eye[2]) - level.at(float(eye[0]), float(eye[1]))
-        steep = np.where(np.abs(drop) < 1e-4, 1e-4, drop)
-        to_low, to_high = (height - heights[0]) / steep, (height - heights[1]) / steep
-        enters = np.maximum(np.minimum(to_low, to_high), 0.0)
-        return cls(rows, forward, drop, enters, np.maximum(to_low, to_high), eye, height)
-
-
-def _tangents(rig: StereoRig, rows: _Rows) -> Vector:
-    """Directions one pixel apart that hold the whole picture."""
-    camera = rig.left
-    widest = max(camera.cx, camera.width - 1 - camera.cx) / max(float(rows.forward.min()), 0.2)
-    half = math.ceil(widest)
-    return np.arange(-half, half + 1) / camera.fx
-
-
-def _upright(
-    disparity: Disparity, rig: StereoRig, rows: _Rows, tangents: Vector
-) -> tuple[Floats, Mask]:
-    """Forward distance (R, K) to what each ray ends at, 0 where unmeasured; which lie in the picture."""
-    camera = rig.left
-    column = np.rint(camera.cx + camera.fx * rows.forward[:, None] * tangents).astype(np.intp)
-    seen = (column >= 0) & (column < camera.width)
-    column = np.clip(column, 0, camera.width - 1)
-    values = np.take_along_axis(disparity.values[rows.rows], column, axis=1) + np.float32(rig.doffs)
-    valid = np.take_along_axis(disparity.valid[rows.rows], column, axis=1) & seen & (values > 0.5)
-    scale = (camera.fx * rig.baseline * rows.forward).astype(np.float32)[:, None]
-    return np.where(valid, scale / np.where(valid, values, np.float32(1.0)), np.float32(0.0)), seen
-
-
-def _seen_from_right(left: Floats, focal_baseline: float) -> Floats:
-    """The same distances (R, K) by the right eye's directions."""
+def by_right_eye(left: Floats, focal_baseline: float) -> Floats:
+    """The same distances (R, K) by the right eye's directions, 0 where it sees none of them."""
     row, column = np.nonzero(left > 0.0)
     distance = left[row, column]
     other = column - np.rint(focal_baseline / distance).astype(np.intp)
@@ -179,37 +130,70 @@ def _seen_from_right(left: Floats, focal_baseline: float) -> Floats:
     return right
 
 
-def _empty(surface: Floats, rows: _Rows, distances: Vector, expected: Floats) -> Mask:
-    """Places (K, J) that nearly all rays of this eye are measured to pass, and before which none ends."""
-    columns, rings = surface.shape[1], len(distances)
-    measured = surface > 0.0
-    leaves = rows.leaves.astype(np.float32)[:, None]
-    end = _ring(np.minimum(surface, leaves), distances)
-    start = np.broadcast_to(_ring(rows.enters.astype(np.float32)[:, None], distances), surface.shape)
-    cell = np.broadcast_to(np.arange(columns) * (rings + 1), surface.shape)
-    far = measured & (end > start)
-    standing = far & (surface < leaves)
+def _rays(
+    rows: int,
+    rig: StereoRig,
+    mount: HeadMount,
+    pan: float,
+    tilt: float,
+    level: FloorLevel,
+    heights: tuple[float, float],
+) -> tuple[Index, Vector, Rays]:
+    """Picture rows looked at, metres forward for each metre of their depth, and their rays."""
+    camera = rig.left
+    rotation, eye = mount.left_eye(pan, tilt)
+    ahead = np.array([math.cos(pan), math.sin(pan), 0.0])
+    picked = np.arange(0, rows, ROW_STEP)
+    down = (picked - camera.cy) / camera.fy
+    forward = rotation[:, 1] @ ahead * down + rotation[:, 2] @ ahead
+    # Rays that look almost straight down show nothing of the way.
+    picked, down, forward = picked[forward > 0.2], down[forward > 0.2], forward[forward > 0.2]
+    slope = level.ahead * ahead[0] + level.aside * ahead[1]
+    drop = -(rotation[2, 1] * down + rotation[2, 2]) / forward + slope
+    height = float(eye[2]) - level.at(float(eye[0]), float(eye[1]))
+    steep = np.where(np.abs(drop) < 1e-4, 1e-4, drop)
+    to_low, to_high = (height - heights[0]) / steep, (height - heights[1]) / steep
+    enters, leaves = np.maximum(np.minimum(to_low, to_high), 0.0), np.maximum(to_low, to_high)
+    half = math.ceil(max(camera.cx, camera.width - 1 - camera.cx) / float(forward.min()))
+    tangents = np.arange(-half, half + 1) / camera.fx
+    column = camera.cx + camera.fx * forward[:, None] * tangents
+    seen = (column > -0.5) & (column < camera.width - 0.5)
+    return picked, forward, Rays(tangents, drop, enters, leaves, seen, eye, height, pan)
 
-    def tally(index: Index, chosen: Mask) -> Floats:
-        counts = np.bincount((cell + index)[chosen], minlength=columns * (rings + 1))
-        return np.cumsum(counts.reshape(columns, rings + 1)[:, :rings], axis=1).astype(np.float32)
 
-    passing = tally(start, far) - tally(end, far)
-    ended = tally(end, standing)
-    empty: Mask = (passing >= EMPTY_SHARE * expected) & (ended < STANDING_ROWS)
-    return empty
+def _upright(
+    disparity: Disparity, rig: StereoRig, picked: Index, forward: Vector, rays: Rays
+) -> tuple[Floats, Mask, Mask]:
+    """Forward distance (R, K) the matcher gives for each ray, which are measured, which a good guess."""
+    camera = rig.left
+    column = np.rint(camera.cx + camera.fx * forward[:, None] * rays.tangents).astype(np.intp)
+    column = np.clip(column, 0, camera.width - 1)
+    pixel = column + picked[:, None] * camera.width
+    values = np.take(disparity.values, pixel) + np.float32(rig.doffs)
+    valid = np.take(disparity.valid, pixel) & rays.seen & (values > 0.5)
+    scale = (camera.fx * rig.baseline * forward).astype(np.float32)[:, None]
+    sure = np.take(disparity.sigma_px, pixel) < np.float32(GUESS_SIGMA_PX)
+    return scale / np.maximum(values, np.float32(0.5)), valid, sure & rays.seen
 
 
-def _ring(distance: Floats, distances: Vector) -> Index:
-    """The first ring at or beyond each distance, 0..J."""
-    scaled = np.log(np.maximum(distance, np.float32(1e-3)) * np.float32(1.0 / distances[0]))
-    index = np.ceil(scaled * np.float32(1.0 / math.log(RING_RATIO)))
-    return np.clip(index, 0, len(distances)).astype(np.intp)
-
-
-def _moved(empty: Mask, shift: Vector) -> Mask:
-    """The right eye's places (K, J) by the left eye's directions: each ring moves by its disparity."""
-    columns = len(empty)
-    other = np.arange(columns)[:, None] - np.rint(shift).astype(np.intp)
-    moved = np.take_along_axis(empty, np.clip(other, 0, columns - 1), axis=0)
-    return moved & (other >= 0)
+def _feet(left: Floats, rays: Rays, low: float) -> Floats:
+    """Forward distance (K,) up to which each direction's floor was seen without a wide gap; 0: not at all."""
+    hits = rays.drop > 0.02
+    landing = np.where(hits, rays.height / np.where(hits, rays.drop, 1.0), 0.0).astype(np.float32)
+    leaves = np.where(hits, rays.leaves, np.inf).astype(np.float32)
+    order = np.argsort(landing[hits])
+    rows = np.flatnonzero(hits)[order]
+    land = landing[rows][:, None]
+    measured = (left[rows] >= leaves[rows][:, None]).astype(np.uint8)
+    on_floor = cv2.morphologyEx(measured, cv2.MORPH_CLOSE, np.ones((1, FOOT_COLUMNS), np.uint8)) > 0
+    ends = np.maximum.accumulate(np.where(on_floor, land, np.float32(0.0)), axis=0)
+    before = np.vstack([np.zeros((1, ends.shape[1]), np.float32), ends[:-1]])
+    # An unseen stretch so long hides nothing as high as the lowest thing that matters.
+    bridged = np.maximum(before * np.float32(low / max(rays.height - low, 0.01)), np.float32(FLOOR_GAP))
+    unseen = (land - before > np.where(before > 0.0, bridged, np.float32(FIRST_FLOOR))) & rays.seen[rows]
+    first = np.where(unseen.any(axis=0), unseen.argmax(axis=0), len(rows) - 1)
+    return (
+        np.take_along_axis(before, first[None], axis=0)[0]
+        if len(rows)
+        else np.zeros(left.shape[1], np.float32)
+    )

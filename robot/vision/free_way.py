@@ -1,5 +1,20 @@
-"""One answer of both eyes to where the robot may go: the dense floor, the ground-plane test and the passage.
+"""Where the robot may go by one look of both eyes: one object, one answer (`FreeSpace`).
 
+`FreeWayFinder` is the base's, `HandWayFinder` the hand's, which has no floor. The base has three witnesses,
+and these are the rules by which they agree:
+
+1. Floor is free only where the dense map measured floor (`freespace`). No other witness makes floor free:
+   what none of them sees stays unknown, and unknown is not free.
+2. An obstacle of any witness ends the sector it stands in, whatever the others say: cells of the dense map,
+   corners off the ground plane (`ground`), and what ends several rays of one direction before they reach the
+   floor (`plan.standing_points`: so a sill ends a sector before a cell has seen enough of it). Each asks for
+   several pixels that agree before it speaks: that keeps floor lines and false matches from being obstacles.
+   So does the place where most directions of a sector lose the floor: a post that nobody measured.
+3. Only cells and corners are told as obstacle points: they are sure enough of a place to be kept in a map.
+4. Floor that is first seen well beyond the picture's lower edge is not free: a step before it is not in view.
+5. A passage is where the air is empty over the body's height (`opening`). It is safe only if the body's
+   width, with a margin for what the measurement may be off, is proven empty there, if the picture shows the
+   body's height there, and if the free floor of rules 1 to 4 reaches it along the body's width.
 """
 
 from __future__ import annotations
@@ -10,62 +25,203 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib.model import HeadMount, StereoRig
-from robot.messages import FreeSpace, Image, Passage
-from robot.vision import freespace
-from robot.vision.carving import carve
+from robot.messages import FreeSpace, Image, Passage, Points
+from robot.vision import freespace, hole
+from robot.vision.carving import Air, carve
+from robot.vision.disparity import Disparity, Matcher
+from robot.vision.floor_aligned import FloorAlignedMatcher
 from robot.vision.freespace import FloorLimits
 from robot.vision.ground import find_obstacles
-from robot.vision.levelling import FloorLevel
-from robot.vision.opening import Opening, floor_reaches, widest_opening
-from robot.vision.section import BoxSection
-from robot.vision.stereo import Disparity, FloorAlignedMatcher, Matcher
+from robot.vision.opening import Opening, floor_reaches, proven_room, widest_opening
+from robot.vision.plan import Plan, ends, outline, standing_points
+from robot.vision.section import BoxSection, RoundSection
 
 SIGMAS = 2.0
+"""A section fits if it is smaller than the opening by so many standard deviations."""
+RANGE_SIGMA_PX = 0.2
+"""Of the disparity an opening's distance comes from."""
+SEEN_HEIGHT_SHARE = 0.95
+"""Of the body's height that the picture must show; the rest is what half a degree of pitch may hide."""
+FIRST_FLOOR_M = 0.3
+"""Free floor begins within so much of the picture's lower edge."""
+LEAST_RADIUS_PX = 3.0
+FLOOR = FloorLimits()
 
 
 @dataclass(frozen=True, slots=True)
 class WayLimits:
-    """What counts as floor, and how much room must be left."""
+    """floor: what counts as floor; edge_sigma_px: standard deviation of where an opening's side is seen."""
 
-    floor: FloorLimits = FloorLimits()
-    edge_sigma_px: float = 0.7
+    floor: FloorLimits = FLOOR
+    edge_sigma_px: float = 1.5
+
+
+@dataclass(frozen=True, slots=True)
+class HandLimits:
+    """What counts as an opening for a hand.
+
+    reach: metres of depth, what is farther does not block; behind: metres that must be free behind the
+    opening's mouth; edge_sigma_px: standard deviation of where its rim is seen; held: share of what is by it
+    that must be measured, for a circle in the middle of nothing measured may be smaller than it looks.
+    """
+
+    reach: float = 0.5
+    behind: float = 0.03
+    edge_sigma_px: float = 1.0
+    held: float = 0.4
 
 
 class FreeWayFinder:
-    def __init__(self, rig: StereoRig, mount: HeadMount, section: BoxSection, matcher: Matcher, limits: WayLimits | None = None) -> None:
+    """Free floor, obstacles and passage for a base of a given cross-section.
+
+    Args:
+        rig: parallel pair.
+        mount: where the head sits.
+        section: what must pass.
+        matcher: finds disparities of a rectified pair; see `robot.vision.disparity`.
+        limits: what counts as floor, and how well edges are seen.
+
+    >>> from robot.vision.stereo import AdaptiveWeightMatcher
+    >>> rig, section = StereoRig.parallel(352, 288, 305.0, 0.06), BoxSection(0.26, 0.32)
+    >>> finder = FreeWayFinder(rig, HeadMount(), section, AdaptiveWeightMatcher.lite())
+    >>> dark = np.zeros((288, 352, 3), np.uint8)
+    >>> seen = finder(dark, dark, 0.0, 0.35)
+    >>> seen.passage, bool((seen.free > seen.near).any())
+    (None, False)
+    """
+
+    def __init__(
+        self,
+        rig: StereoRig,
+        mount: HeadMount,
+        section: BoxSection,
+        matcher: Matcher,
+        limits: WayLimits | None = None,
+    ) -> None:
         self._rig, self._mount, self._section = rig, mount, section
-        self._matcher = FloorAlignedMatcher(matcher, rig, mount)
         self._limits = limits or WayLimits()
+        self._matcher = FloorAlignedMatcher(matcher, rig, mount)
 
     def __call__(self, left: Image, right: Image, pan: float, tilt: float) -> FreeSpace:
-        disparity = self._matcher(left, right, pan, tilt)
-        return self.joined(disparity, left, right, pan, tilt)
+        """One look: rectified BGR or grey uint8 pictures (H, W[, 3]), the head at pan, tilt (radians).
 
-    def joined(self, disparity, left, right, pan, tilt):
-        rig, mount = self._rig, self._mount
-        level = freespace.floor_level(disparity, rig, mount, pan, tilt, self._limits.floor)
-        floor = freespace.free_space(disparity, rig, mount, pan, tilt, self._limits.floor)
-        floor = freespace.merge(floor, floor.obstacles)
-        points = find_obstacles(left, right, rig, mount, pan, tilt).points
-        floor = freespace.merge(floor, points)
-        return replace(floor, passage=self._passage(disparity, floor, level, pan, tilt))
+        Raises:
+            ValueError: pictures that are no pair, or not of the rig's size.
+        """
+        corners = find_obstacles(left, right, self._rig, self._mount, pan, tilt).points
+        return self.joined(self._matcher(left, right, pan, tilt), corners, pan, tilt)
 
-    def _passage(self, disparity, floor, level, pan, tilt):
-        section = self._section
-        plan = carve(disparity, self._rig, self._mount, pan, tilt, level, (self._limits.floor.step_height, section.height))
-        found = widest_opening(plan, 0.5 * section.width)
+    def joined(self, disparity: Disparity, corners: Points, pan: float, tilt: float) -> FreeSpace:
+        """The answer from what was measured: the left picture's disparities, points (N, 3) off the ground."""
+        rig, mount, floor_limits = self._rig, self._mount, self._limits.floor
+        look = freespace.looked(disparity, rig, mount, pan, tilt, floor_limits)
+        floor = freespace.from_look(look, rig, mount, floor_limits)
+        floor = freespace.merge(freespace.merge(floor, floor.obstacles), corners)
+        heights = (floor_limits.step_height, self._section.height)
+        air = carve(disparity, rig, mount, pan, tilt, look.level, heights)
+        plan = outline(air)
+        floor = freespace.ended_for_most(freespace.ended_by(floor, standing_points(air)), ends(plan))
+        floor = freespace.begun_near(floor, self._first_seen(tilt) + FIRST_FLOOR_M)
+        return replace(floor, passage=self._passage(air, plan, floor, pan, tilt))
+
+    def _first_seen(self, tilt: float) -> float:
+        """Where the floor straight before the head comes into the picture, metres from the origin."""
+        rotation, eye = self._mount.left_eye(0.0, tilt)
+        camera = self._rig.left
+        ray = rotation @ np.array([0.0, (camera.height - 1 - camera.cy) / camera.fy, 1.0])
+        return float(eye[0] + eye[2] / max(-ray[2], 0.05) * ray[0])
+
+    def _passage(self, air: Air, plan: Plan, floor: FreeSpace, pan: float, tilt: float) -> Passage | None:
+        width, height = self._section.width, self._section.height
+        found = widest_opening(plan, width, 0.5 * width)
         if found is None:
             return None
+        (x, y), z = found.middle, 0.5 * height
         rotation, eye = self._mount.left_eye(pan, tilt)
-        position = np.array([*found.middle, 0.5 * section.height])
-        x, y, z = rotation.T @ (position - eye)
+        right, down, depth = (float(c) for c in rotation.T @ (np.array([x, y, z]) - eye))
         camera = self._rig.left
-        centre = camera.cx + camera.fx * x / z, camera.cy + camera.fy * y / z
-        edge = z / camera.fx * self._limits.edge_sigma_px * math.sqrt(2.0)
-        d = camera.fx * self._rig.baseline / z
-        sigma = math.hypot(edge, found.width * 0.2 / d)
-        room = found.room >= section.width + SIGMAS * sigma
-        high = found.top >= 0.95 * section.height
-        reaches = floor_reaches(floor, found.bearing, found.distance, section.width)
-        global DEBUG; DEBUG=f"room {found.room:.3f} high {found.top:.2f} reach {reaches}"
-        return Passage(centre, 0.5 * found.width * camera.fx / z, found.width, (*found.middle, 0.5 * section.height), sigma, math.hypot(0.5 * sigma, z * 0.2 / d), bool(room and high and reaches))
+        centre = camera.cx + camera.fx * right / depth, camera.cy + camera.fy * down / depth
+        across, along = self._sigmas(found, depth)
+        needed = width + SIGMAS * across
+        safe = (
+            min(found.room, proven_room(air, plan, found, 0.5 * width)) >= needed
+            and found.top >= SEEN_HEIGHT_SHARE * height
+            and floor_reaches(floor, found.bearing, found.distance, width)
+        )
+        radius_px = 0.5 * found.width * camera.fx / depth
+        return Passage(
+            centre, radius_px, found.width, (x, y, z), across, math.hypot(0.5 * across, along), safe
+        )
+
+    def _sigmas(self, found: Opening, depth: float) -> tuple[float, float]:
+        """Standard deviations of the opening's width and of its distance, metres."""
+        share = RANGE_SIGMA_PX * depth / (self._rig.left.fx * self._rig.baseline)
+        edges = math.sqrt(2.0) * self._limits.edge_sigma_px * depth / self._rig.left.fx
+        return math.hypot(edges, found.width * share), depth * share
+
+
+class HandWayFinder:
+    """The passage before a hand that carries the eyes: the largest open circle of the plane before it.
+
+    There is no floor: bearings are empty, obstacles too. `Passage.position` is in the frame of the mount.
+
+    Args:
+        rig: parallel pair.
+        mount: how the eyes hang on the hand.
+        section: what must pass.
+        matcher: finds disparities; it must search as far as the nearest thing the hand can meet.
+        limits: what counts as an opening.
+
+    >>> from robot.vision.stereo import AdaptiveWeightMatcher
+    >>> rig, mount = StereoRig.parallel(352, 288, 408.0, 0.04), HeadMount(0.0, 0.0, 0.0, 0.04)
+    >>> finder = HandWayFinder(rig, mount, RoundSection(0.05), AdaptiveWeightMatcher.lite(176))
+    >>> grey = np.full((288, 352), 120, np.uint8)
+    >>> finder(grey, grey, 0.0, 0.0).passage is None
+    True
+    """
+
+    def __init__(
+        self,
+        rig: StereoRig,
+        mount: HeadMount,
+        section: RoundSection,
+        matcher: Matcher,
+        limits: HandLimits | None = None,
+    ) -> None:
+        self._rig, self._mount, self._section, self._matcher = rig, mount, section, matcher
+        self._limits = limits or HandLimits()
+
+    def __call__(self, left: Image, right: Image, pan: float, tilt: float) -> FreeSpace:
+        """One look: rectified BGR or grey uint8 pictures (H, W[, 3]), the head at pan, tilt (radians).
+
+        Raises:
+            ValueError: pictures that are no pair, or not of the rig's size.
+        """
+        return self.joined(self._matcher(left, right), pan, tilt)
+
+    def joined(self, disparity: Disparity, pan: float, tilt: float) -> FreeSpace:
+        """The answer from the left picture's disparities.
+
+        Raises:
+            ValueError: the disparity map has not the rig's size.
+        """
+        freespace.check_size(disparity, self._rig)
+        none = np.zeros(0)
+        return FreeSpace(none, none, none, np.zeros((0, 2)), self._passage(disparity, pan, tilt))
+
+    def _passage(self, disparity: Disparity, pan: float, tilt: float) -> Passage | None:
+        limits = self._limits
+        found = hole.largest_hole(disparity, self._rig, limits.reach, limits.behind)
+        if found is None or found.circle.radius_px < LEAST_RADIUS_PX:
+            return None
+        held = hole.surroundings(disparity, self._rig, found) >= limits.held
+        if not held and not found.bounded:
+            return None  # nothing tells how far away the circle is, and so how large
+        measured = hole.measured_in_metres(found, self._rig, limits.edge_sigma_px)
+        rotation, eye = self._mount.left_eye(pan, tilt)
+        x, y, z = (float(c) for c in eye + rotation @ np.array(measured.centre))
+        needed = self._section.diameter + SIGMAS * measured.sigma_diameter
+        return Passage(
+            found.circle.centre, 0.5 * found.mouth_px, measured.diameter, (x, y, z),
+            measured.sigma_diameter, measured.sigma_centre, held and measured.clear >= needed,
+        )  # fmt: skip

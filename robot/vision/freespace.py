@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from calib.model import HeadMount, StereoRig
 from robot.messages import FreeSpace, Points
+from robot.vision.disparity import Disparity
 from robot.vision.levelling import FloorLevel, floor_plane
-from robot.vision.stereo import Disparity
 
 Floats = NDArray[np.float32]
 Counts = NDArray[np.float32]
@@ -37,6 +37,7 @@ A 4 cm step fills 50 there, a post of 3 cm hundreds; a false match, rarely 20.""
 
 GATE_SHARE = 0.6
 """Of the step height: from there on a pixel stands up, for a step's own height is seen blurred."""
+NOMINAL = FloorLevel()
 OPEN_SHARE, OWN_SHARE = 0.35, 0.15
 """Of the pixels that look at a cell and its neighbours (of the cell alone) so many must measure floor."""
 
@@ -62,10 +63,11 @@ class FloorLimits:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Look:
+class Look:
     """The pixels looked at, flat arrays of one length; positions in the robot frame.
 
-    floor_x, floor_y: where the pixel's ray meets the floor, far away above the horizon; sigma: of a height.
+    floor_x, floor_y: where the pixel's ray meets the floor, far away above the horizon; sigma: of a height;
+    level: how the floor lies, already taken out of `height`.
     """
 
     x: Floats
@@ -75,6 +77,7 @@ class _Look:
     measured: Mask
     floor_x: Floats
     floor_y: Floats
+    level: FloorLevel = NOMINAL
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -136,12 +139,20 @@ def free_space(
     >>> len(look.obstacles), bool(look.free[len(look.free) // 2] > 2.5)
     (0, True)
     """
-    if disparity.values.shape != (rig.left.height, rig.left.width):
-        raise ValueError(
-            f"the disparity map is {disparity.values.shape[::-1]}, the rig {rig.left.width}x{rig.left.height}"
-        )
     limits = limits or FloorLimits()
-    look = _level(_look(disparity, rig, mount, pan, tilt), limits)
+    return from_look(looked(disparity, rig, mount, pan, tilt, limits), rig, mount, limits)
+
+
+def looked(
+    disparity: Disparity, rig: StereoRig, mount: HeadMount, pan: float, tilt: float, limits: FloorLimits
+) -> Look:
+    """The map's pixels as points over the floor as it lies in this picture. See `free_space`."""
+    check_size(disparity, rig)
+    return _level(_look(disparity, rig, mount, pan, tilt), limits)
+
+
+def from_look(look: Look, rig: StereoRig, mount: HeadMount, limits: FloorLimits) -> FreeSpace:
+    """Sectors and obstacle points of the pixels looked at."""
     cells = _raster(look, rig, mount, limits)
     if cells is None:
         none = np.zeros(0)
@@ -150,6 +161,15 @@ def free_space(
     near, far = _walk(free, occupied, cells, limits)
     bearings: Vector = np.asarray(cells.first + (np.arange(cells.sectors) + 0.5) * cells.sector, np.float64)
     return FreeSpace(bearings, near, far, points)
+
+
+def check_size(disparity: Disparity, rig: StereoRig) -> None:
+    """Raise ValueError if the disparity map has not the size of the rig's pictures."""
+    if disparity.values.shape != (rig.left.height, rig.left.width):
+        raise ValueError(
+            f"the disparity map is {disparity.values.shape[::-1]}, the rig "
+            f"{rig.left.width}x{rig.left.height}: give the rig these pictures were rectified for"
+        )
 
 
 def merge(free: FreeSpace, obstacles: Points) -> FreeSpace:
@@ -163,22 +183,59 @@ def merge(free: FreeSpace, obstacles: Points) -> FreeSpace:
     if points.size == 0:
         return free
     points = points.reshape(len(points), -1)[:, :2]
-    ends = free.free.copy()
-    if len(free.bearings):
-        half = 0.5 * (
-            float(np.median(np.diff(free.bearings))) if len(free.bearings) > 1 else math.radians(1.5)
-        )
-        away = np.hypot(points[:, 0], points[:, 1])
-        off = np.abs(np.arctan2(points[:, 1], points[:, 0])[:, None] - free.bearings)
-        reach = np.where(off <= half, away[:, None], np.inf).min(axis=0)
-        ends = np.minimum(ends, np.maximum(reach, free.near))
-    return replace(free, free=ends, obstacles=np.vstack([free.obstacles, points]))
+    return replace(ended_by(free, points), obstacles=np.vstack([free.obstacles, points]))
+
+
+def ended_by(free: FreeSpace, points: Points) -> FreeSpace:
+    """The same look with its sectors ended before points (N, 2), robot frame; obstacles stay as they are.
+
+    >>> look = FreeSpace(np.array([0.0]), np.array([0.3]), np.array([2.0]), np.zeros((0, 2)))
+    >>> float(ended_by(look, np.array([[0.1, 0.0]])).free[0])
+    0.3
+    """
+    if not len(free.bearings) or not len(points):
+        return free
+    half = 0.5 * (float(np.median(np.diff(free.bearings))) if len(free.bearings) > 1 else math.radians(1.5))
+    away = np.hypot(points[:, 0], points[:, 1])
+    off = np.abs(np.arctan2(points[:, 1], points[:, 0])[:, None] - free.bearings)
+    reach = np.where(off <= half, away[:, None], np.inf).min(axis=0)
+    return replace(free, free=np.minimum(free.free, np.maximum(reach, free.near)))
+
+
+def ended_for_most(free: FreeSpace, ends: Points) -> FreeSpace:
+    """The same look with each sector ended where most of the directions in it end.
+
+    ends (N, 2): robot frame, where each direction that was looked into ends. Sectors without any stay.
+
+    >>> look = FreeSpace(np.array([0.0]), np.array([0.3]), np.array([2.0]), np.zeros((0, 2)))
+    >>> float(ended_for_most(look, np.array([[0.8, 0.0], [1.0, 0.001], [5.0, -0.001]])).free[0])
+    1.0
+    """
+    if len(free.bearings) < 1 or not len(ends):
+        return free
+    half = 0.5 * (float(np.median(np.diff(free.bearings))) if len(free.bearings) > 1 else math.radians(1.5))
+    away, bearing = np.hypot(ends[:, 0], ends[:, 1]), np.arctan2(ends[:, 1], ends[:, 0])
+    within = np.abs(bearing[:, None] - free.bearings) <= half
+    most = np.array([np.median(away[inside]) if inside.any() else np.inf for inside in within.T])
+    return replace(free, free=np.minimum(free.free, np.maximum(most, free.near)))
+
+
+def begun_near(free: FreeSpace, farthest: float) -> FreeSpace:
+    """The same look without the sectors whose floor begins farther than `farthest` metres.
+
+    What lies before it is not in view: a step there would be behind the body's edge before it was seen.
+
+    >>> look = FreeSpace(np.array([0.0]), np.array([0.9]), np.array([2.0]), np.zeros((0, 2)))
+    >>> float(begun_near(look, 0.65).free[0])
+    0.9
+    """
+    return replace(free, free=np.where(free.near <= farthest, free.free, free.near))
 
 
 # -------------------------------------------------------------------------------------- pixels to points
 
 
-def _look(disparity: Disparity, rig: StereoRig, mount: HeadMount, pan: float, tilt: float) -> _Look:
+def _look(disparity: Disparity, rig: StereoRig, mount: HeadMount, pan: float, tilt: float) -> Look:
     rotation, eye = mount.left_eye(pan, tilt)
     left = rig.left
     height, width = disparity.values.shape
@@ -201,31 +258,24 @@ def _look(disparity: Disparity, rig: StereoRig, mount: HeadMount, pan: float, ti
     x, y, h, sigma, floor_x, floor_y = (
         np.asarray(a, np.float32).ravel() for a in (x, y, h, sigma, floor_x, floor_y)
     )
-    return _Look(x, y, h, sigma, measured.ravel(), floor_x, floor_y)
+    return Look(x, y, h, sigma, measured.ravel(), floor_x, floor_y)
 
 
-def floor_level(disparity, rig, mount, pan, tilt, limits):
-    return FloorLevel(*(float(c) for c in _plane(_look(disparity, rig, mount, pan, tilt), limits)))
-
-
-def _plane(look, limits):
+def _level(look: Look, limits: FloorLimits) -> Look:
+    """Heights over the floor as it lies in this picture: a base that brakes tips by a degree."""
     floor_range = np.hypot(look.floor_x, look.floor_y)
     rows = np.flatnonzero(look.measured & (floor_range < LEVEL_RANGE))
     bound = np.array([limits.max_lift, limits.max_pitch, limits.max_pitch])
     plane = floor_plane(look.x[rows], look.y[rows], look.height[rows], look.sigma[rows])
-    return np.clip(plane, -bound, bound).astype(np.float32)
-
-
-def _level(look: _Look, limits: FloorLimits) -> _Look:
-    """Heights over the floor as it lies in this picture: a base that brakes tips by a degree."""
-    lift, ahead, aside = _plane(look, limits)
-    return replace(look, height=look.height - (lift + ahead * look.x + aside * look.y))
+    level = FloorLevel(*(float(c) for c in np.clip(plane, -bound, bound)))
+    lift, ahead, aside = (np.float32(c) for c in (level.lift, level.ahead, level.aside))
+    return replace(look, height=look.height - (lift + ahead * look.x + aside * look.y), level=level)
 
 
 # ---------------------------------------------------------------------------------------- points to cells
 
 
-def _raster(look: _Look, rig: StereoRig, mount: HeadMount, limits: FloorLimits) -> _Cells | None:
+def _raster(look: Look, rig: StereoRig, mount: HeadMount, limits: FloorLimits) -> _Cells | None:
     """Sectors over all that is in view; rings at least a cell deep and at least two picture rows."""
     seen = np.hypot(look.floor_x, look.floor_y) < limits.max_range
     seen |= look.measured & (np.hypot(look.x, look.y) < limits.max_range)
@@ -243,7 +293,7 @@ def _raster(look: _Look, rig: StereoRig, mount: HeadMount, limits: FloorLimits) 
     return _Cells(first, limits.sector, sectors, np.array(edges, np.float32))
 
 
-def _vote(look: _Look, cells: _Cells, limits: FloorLimits) -> tuple[Mask, Mask, Points]:
+def _vote(look: Look, cells: _Cells, limits: FloorLimits) -> tuple[Mask, Mask, Points]:
     """Which cells are occupied, which are free, and the obstacle points."""
     gate = np.minimum(
         GATE_SHARE * limits.step_height + 2.5 * look.sigma, 2.0 * limits.step_height + 0.03 * look.sigma
@@ -274,7 +324,7 @@ def _blur(counts: Counts) -> Counts:
     return cv2.blur(counts, (1, 3), borderType=cv2.BORDER_CONSTANT).astype(np.float32, copy=False)
 
 
-def _points(look: _Look, place: Index, hit: Mask, occupied: Mask, sure: Mask, cells: _Cells) -> Points:
+def _points(look: Look, place: Index, hit: Mask, occupied: Mask, sure: Mask, cells: _Cells) -> Points:
     """Four points of every sure cell and one of others, so that a map trusts one look or waits for the next.
 
     Where only falling floor speaks, the cell's middle.

@@ -1,9 +1,10 @@
 """Obstacles by the ground-plane homography: what the warped eyes disagree on does not lie on the floor.
 
 The floor's homography takes left pixels to right ones; the right picture warped by it agrees with the left
-one on the floor, whatever is painted there. Corners in regions that disagree are matched along their row,
-triangulated, and kept if they stand up from the floor or lie below it.
-Source: [B], METHODS 4 first paragraph; the left-right check, the gates and the neighbour rule are ours.
+one on the floor, whatever is painted there. Corners in regions that disagree are matched along their epipolar
+lines, triangulated, and kept if they stand up from the floor or lie below it.
+Source: [B], METHODS 4 first paragraph; how the floor really lies (`ground_level`), the sigmas, the gates, the
+neighbour rule and mirror images (`ground_reflection`) are ours.
 """
 
 from __future__ import annotations
@@ -16,33 +17,57 @@ from numpy.typing import NDArray
 
 from calib.model import HeadMount, Matrix, StereoRig, Vector
 from robot.messages import Image, Points
+from robot.vision.ground_corners import harris_corners, spread, upright_edges
+from robot.vision.ground_level import SeenGround, SeenLevel, floor_matches, level_of, see_ground
+from robot.vision.ground_matching import (
+    EyePictures,
+    alikeness,
+    fundamental_matrix,
+    match_in_bands,
+)
+from robot.vision.ground_plane import (
+    GroundPlane,
+    ground_homography,
+    homography_from_matches,
+    plane_from_homography,
+)
+from robot.vision.ground_points import SeenPoints, seen_points
+from robot.vision.ground_reflection import DEEP_PX, FLOOR_LIKENESS, amid_floor, mirrored
+from robot.vision.pair_input import grey_pair
 
 Floats = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 Pixels = NDArray[np.float64]
 
-PATCH = 5
-"""Half side of the correlated patch, pixels."""
-MAX_CORNERS = 120
-MIN_CORRELATION = 0.85
-MAX_RIVAL = 0.95
-"""A second peak this share as high as the best makes a match ambiguous."""
-NOISY_GREY = 9.0
+CORNERS, EDGES, CORNERS_A_TILE = 120, 40, 6
+NOISY_GREY = 5.0
 """Grey levels by which a smoothed difference must exceed its own median to be bright."""
-BRIGHT_SHARE = 0.3
-BRIGHT_WINDOW = 15
-MATCH_SIGMA_PX = 0.3
+BRIGHT_SHARE, BRIGHT_WINDOW = 0.15, 15
+FLOOR_MARGIN = 0.4
+"""By so much (Fisher's z of both correlations: 2 standard deviations at some 50 independent pixels) a match
+must beat floor at the same place: what looks nearly as well like floor is nothing one can tell from it."""
+SIGMAS = 3.0
+STEP_SHARE = 0.5
+"""Of the step height: a step is matched at its edges, halfway up its front, and a little blurred."""
+STANDING_OTHERS, FALLING_OTHERS, OTHER_PX = 1, 3, 7.0
+"""So many more of a kind must be near, so far apart in the picture. An edge shows dozens below
+it; what a glossy floor mirrors mixes with the floor and shows odd single ones."""
+FLATTEST_RAY = 0.05
+"""A ray that drops less per metre of depth tells no edge."""
 
 
 @dataclass(frozen=True, slots=True)
 class GroundLimits:
-    """What stands up. Metres: heights, the tilt a base may have unnoticed, ranges."""
+    """What stands up. Metres.
+
+    step_height: what is as high must be found. body_height: what hangs higher may be driven under.
+    """
 
     step_height: float = 0.03
     body_height: float = 0.35
-    unnoticed_tilt: float = 0.012
     max_range: float = 2.0
-    min_depth: float = 0.2
+    min_depth: float = 0.15
+    """How near to the lens is searched; nearer things are not seen here."""
     neighbour: float = 0.12
     """A feature with no other one so near is taken for a false match."""
 
@@ -51,64 +76,24 @@ class GroundLimits:
 class GroundObstacles:
     """points (N, 3) robot frame, metres; sigma (N,) metres along the line of sight; pixels (N, 2) left u, v.
 
-    A point below the floor stands where its ray meets the floor's level: the edge one would fall over.
+    falls (N,) bool: the floor falls away there; else something stands up. heights (N,), height_sigmas (N,):
+    over the floor as it was seen to lie, metres, negative below it.
+    A point below the floor stands where its ray meets the floor's level: the edge one would fall over; its
+    third coordinate stays that of what was seen.
     """
 
     points: Points
     sigma: Vector
     pixels: Pixels
-
-
-def ground_homography(rig: StereoRig, rotation: Matrix, height: float) -> Matrix:
-    """The 3x3 homography that takes floor pixels of the left picture to the right one.
-
-    H = K_r (R + t n' / h) K_l^-1 with X_r = R X_l + t and n . X_l = h for floor points (METHODS 4).
-
-    Args:
-        rig: undistorted pair.
-        rotation: (3, 3) left camera to robot frame; carries tilt and roll.
-        height: of the left lens above the floor, metres, > 0.
-
-    Raises:
-        ValueError: height not positive.
-
-    >>> rig = StereoRig.parallel(352, 288, 305.0, 0.06)
-    >>> ground_homography(rig, HeadMount().left_eye(0.0, 0.3)[0], 0.25).shape
-    (3, 3)
-    """
-    if not height > 0.0:
-        raise ValueError(f"the lens must be above the floor, got height {height}")
-    down = rotation.T @ np.array([0.0, 0.0, -1.0])
-    plane = rig.R + np.outer(rig.translation, down) / height
-    return np.asarray(rig.right.matrix @ plane @ np.linalg.inv(rig.left.matrix))
-
-
-def homography_from_matches(left: Pixels, right: Pixels, tolerance_px: float = 1.5) -> tuple[Matrix, Mask]:
-    """The homography of >= 4 floor matches, found robustly (RANSAC), and which matches obey it.
-
-    Args:
-        left, right: (N, 2) pixels.
-        tolerance_px: how far a match may miss.
-
-    Returns:
-        H (3, 3) scaled to H[2, 2] = 1, and (N,) bool.
-
-    Raises:
-        ValueError: fewer than 4 matches, unequal counts, or no homography fits (all on a line).
-    """
-    a, b = np.asarray(left, np.float64).reshape(-1, 2), np.asarray(right, np.float64).reshape(-1, 2)
-    if len(a) != len(b) or len(a) < 4:
-        raise ValueError(f"a homography needs 4 or more pairs, got {len(a)} left and {len(b)} right")
-    found, inliers = cv2.findHomography(a, b, cv2.RANSAC, tolerance_px)
-    if found is None or np.linalg.matrix_rank(a[inliers.ravel() > 0] - a.mean(axis=0)) < 2:
-        raise ValueError("no homography fits these matches: take floor points that do not lie on one line")
-    return np.asarray(found, np.float64), inliers.ravel() > 0
+    falls: Mask
+    heights: Vector
+    height_sigmas: Vector
 
 
 def obstacle_points(
     left: Image, right: Image, rig: StereoRig, mount: HeadMount, pan: float, tilt: float
 ) -> Points:
-    """Points (N, 3) in the robot frame that stand up from the floor; see `find_obstacles`."""
+    """Points (N, 3) in the robot frame that stand up from the floor, or where it falls away."""
     return find_obstacles(left, right, rig, mount, pan, tilt).points
 
 
@@ -123,125 +108,202 @@ def find_obstacles(
 ) -> GroundObstacles:
     """Corner features that do not lie on the floor, triangulated.
 
+    The floor's own tilt and height are first read off the picture, within 1.5 degrees and 15 mm.
+
     Args:
-        left, right: rectified BGR or grey pair, uint8.
-        rig: parallel pair (epipolar lines are rows).
+        left, right: BGR or grey uint8 pair, undistorted; rectified or not.
+        rig: the pair's geometry.
         mount: where the head sits.
         pan, tilt: of the head, radians.
         limits: what stands up.
+
+    Raises:
+        ValueError: pictures that are no pair, or not of the rig's size.
+
+    >>> rig, grey = StereoRig.parallel(352, 288, 305.0, 0.06), np.full((288, 352), 90, np.uint8)
+    >>> len(find_obstacles(grey, grey, rig, HeadMount(), 0.0, 0.35).points)
+    0
     """
     limits = limits or GroundLimits()
-    rotation, eye = mount.left_eye(pan, tilt)
-    grey_left, grey_right = _grey(left), _grey(right)
-    homography = ground_homography(rig, rotation, float(eye[2]))
-    bright = disagreement(grey_left, grey_right, homography)
-    corners = _corners(grey_left, bright & _feet(rig, rotation, eye, limits.max_range, grey_left.shape[0]))
-    reach = int(np.ceil(rig.left.fx * rig.baseline / limits.min_depth - rig.doffs))
-    disparity, good = match_along_rows(grey_left, grey_right, corners, reach)
-    depth = rig.left.fx * rig.baseline / np.maximum(disparity + rig.doffs, 0.1)
-    good &= disparity + rig.doffs > 1.0
-    return _standing(corners[good], depth[good], rig, rotation, eye, limits)
+    stand = mount.left_eye(pan, tilt)
+    greys = grey_pair(left, right)
+    if greys[0].shape != (rig.left.height, rig.left.width):
+        raise ValueError(
+            f"the pictures are {greys[0].shape[::-1]}, the rig {rig.left.width}x{rig.left.height}: "
+            "calibrate at this size"
+        )
+    scene = _look_at_floor(greys, rig, stand)
+    features = _features(scene, rig, stand, limits)
+    heights, floor_sigma = scene.level.heights(features.seen.points(stand[1]))
+    height_sigma = np.hypot(features.seen.sigma * np.abs(features.seen.rays[:, 2]), floor_sigma)
+    gate = np.maximum(STEP_SHARE * limits.step_height, SIGMAS * height_sigma)
+    stands = features.seen.before & (heights > gate) & (heights < limits.body_height)
+    falls = (
+        features.corner
+        & features.seen.before
+        & (heights < -gate)
+        & (features.seen.rays[:, 2] < -FLATTEST_RAY)
+    )
+    falls[falls] = ~_mirror_images(scene, features, np.flatnonzero(falls), rig)
+    return _obstacles(features, stands, falls, heights, height_sigma, stand[1], limits)
 
 
-def disagreement(left: Image, right: Image, homography: Matrix) -> Mask:
+@dataclass(frozen=True, slots=True, eq=False)
+class _Scene:
+    """A pair and its floor: all corners (N, 2) of the left picture; the right one warped over the floor."""
+
+    pictures: EyePictures
+    bright: Mask
+    corners: Pixels
+    level: SeenLevel
+    plane: GroundPlane
+    homography: Matrix
+    warped: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Features:
+    """Matched corners that do not look like floor: pixels of both eyes (N, 2), where they are,
+    and which (N,) are corners; the others are upright edges."""
+
+    left: Pixels
+    right: Pixels
+    seen: SeenPoints
+    corner: Mask
+
+
+def _look_at_floor(greys: tuple[Image, Image], rig: StereoRig, stand: tuple[Matrix, Vector]) -> _Scene:
+    pictures = EyePictures.of(*greys)
+    corners = harris_corners(pictures.half_left)
+    level = level_of(floor_matches(pictures, rig, *stand, corners), rig, *stand)
+    plane = level.plane(*stand)
+    homography = plane.homography(rig)
+    warped = warp_to_left(greys[1], homography)
+    bright = bright_regions(greys[0], warped)
+    return _Scene(pictures, bright, corners, level, plane, homography, np.asarray(warped, np.float32))
+
+
+def _features(scene: _Scene, rig: StereoRig, stand: tuple[Matrix, Vector], limits: GroundLimits) -> _Features:
+    """The corners in bright regions, matched; without those that look as well like floor."""
+    each = [
+        _off_the_floor(places, most, scene.bright, rig, *stand, limits.max_range)
+        for places, most in ((scene.corners, CORNERS), (upright_edges(scene.pictures.half_left), EDGES))
+    ]
+    corners = np.vstack(each)
+    low, high = _band(corners, rig, limits.min_depth)
+    found = match_in_bands(scene.pictures, corners, fundamental_matrix(rig), low, high)
+    like_floor = alikeness(scene.pictures.left, scene.warped, corners)
+    ahead = _fisher(found.correlation) - _fisher(like_floor)
+    rows = np.flatnonzero(found.sure & (ahead > FLOOR_MARGIN))
+    left, right = corners[rows], found.right[rows]
+    return _Features(
+        left, right, seen_points(left, right, found.sigma_px[rows], rig, stand[0]), rows < len(each[0])
+    )
+
+
+def _fisher(correlation: Vector | Floats) -> Vector:
+    """Correlations (N,) made comparable: atanh, which noise scatters evenly."""
+    return np.asarray(np.arctanh(np.clip(correlation, -0.99, 0.99)), np.float64)
+
+
+def _mirror_images(scene: _Scene, features: _Features, rows: NDArray[np.intp], rig: StereoRig) -> Mask:
+    """Which of the features `rows`, all below the floor, the floor only mirrors; (len(rows),) bool."""
+    seen, pixels = features.seen, features.left[rows]
+    image = mirrored(scene.pictures.left, rig.left, scene.plane, pixels, seen.depth[rows], seen.sigma[rows])
+    floor = np.column_stack([pixels, np.ones(len(rows))]) @ scene.homography.T
+    parallax = np.hypot(*(floor[:, :2] / floor[:, 2:] - features.right[rows]).T)
+    deep = np.flatnonzero(~image & (parallax > DEEP_PX))
+    if len(deep):
+        like = alikeness(scene.pictures.left, scene.warped, scene.corners) >= FLOOR_LIKENESS
+        image[deep] = amid_floor(pixels[deep], scene.corners, like)
+    return image
+
+
+def warp_to_left(right: Image, homography: Matrix) -> Image:
+    """The right picture as the left eye would see it if all lay on the floor; black elsewhere."""
+    size = (right.shape[1], right.shape[0])
+    warped = cv2.warpPerspective(right, homography, size, flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
+    return np.asarray(warped, np.uint8)
+
+
+def bright_regions(left: Image, warped: Image) -> Mask:
     """Where many pixels of the left picture differ from the right one warped onto it over the floor.
 
-    Pixels whose floor point lies outside the right picture say nothing. (H, W) bool.
+    left, warped: grey uint8 (H, W). Returns (H, W) bool.
     """
-    size = (left.shape[1], left.shape[0])
-    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    warped = cv2.warpPerspective(right, homography, size, flags=flags)
-    inside = cv2.warpPerspective(np.full_like(right, 255), homography, size, flags=flags) == 255
     smooth_left, smooth_warped = (cv2.GaussianBlur(g, (5, 5), 1.0) for g in (left, warped))
-    difference = cv2.absdiff(smooth_left, smooth_warped).astype(np.float32)
+    difference = cv2.absdiff(smooth_left, smooth_warped)
     # Eyes differ a little in gain: what is usual on this floor is not bright.
-    usual = float(np.median(difference[inside])) if inside.any() else 0.0
-    bright = (inside & (difference > usual + NOISY_GREY)).astype(np.float32)
+    usual = float(np.median(difference[::4, ::4]))
+    _, bright = cv2.threshold(difference, usual + NOISY_GREY, 1.0, cv2.THRESH_BINARY)
     # Opening takes out the thin residues of floor lines.
     opened = cv2.morphologyEx(bright, cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
-    share = cv2.blur(opened, (BRIGHT_WINDOW, BRIGHT_WINDOW))
-    dense: Mask = share > BRIGHT_SHARE
+    many = cv2.boxFilter(opened, cv2.CV_16U, (BRIGHT_WINDOW, BRIGHT_WINDOW), normalize=False)
+    dense: Mask = many > BRIGHT_SHARE * BRIGHT_WINDOW**2
     return dense
 
 
-def match_along_rows(left: Image, right: Image, corners: Pixels, reach: int) -> tuple[Vector, Mask]:
-    """Disparity of each corner (N, 2) by normalised correlation in a band of its row; and which to believe.
-
-    Believed: correlation >= 0.85, no rival peak, and the right picture's patch finds its way back.
-    """
-    disparity, good = np.zeros(len(corners)), np.zeros(len(corners), np.bool_)
-    for k, (u, v) in enumerate(np.rint(corners).astype(int).tolist()):
-        forth = _correlate(left, right, u, v, u - reach, u)
-        if forth is None:
-            continue
-        back = _correlate(right, left, round(forth), v, round(forth), round(forth) + reach)
-        if back is not None and abs(back - u) <= 1.5:
-            disparity[k], good[k] = u - forth, True
-    return disparity, good
-
-
-def _correlate(picture: Image, other: Image, u: int, v: int, low: int, high: int) -> float | None:
-    """Column in low..high of row v where `other` looks like `picture` about (u, v); None with doubt."""
-    height, width = picture.shape
-    low, high = max(low, PATCH), min(high, width - 1 - PATCH)
-    if not (PATCH <= u < width - PATCH and PATCH + 1 <= v < height - PATCH - 1) or high - low < 4:
-        return None
-    patch = picture[v - PATCH : v + PATCH + 1, u - PATCH : u + PATCH + 1]
-    band = other[v - PATCH - 1 : v + PATCH + 2, low - PATCH : high + PATCH + 1]
-    score = cv2.matchTemplate(band, patch, cv2.TM_CCOEFF_NORMED).max(axis=0)
-    best = int(score.argmax())
-    if score[best] < MIN_CORRELATION or best in (0, len(score) - 1):
-        return None
-    rivals = np.concatenate([score[: max(best - PATCH, 0)], score[best + PATCH + 1 :]])
-    if len(rivals) and rivals.max() > MAX_RIVAL * score[best]:
-        return None
-    before, here, after = (float(s) for s in score[best - 1 : best + 2])
-    bend = before - 2.0 * here + after
-    return low + best + (0.5 * (before - after) / bend if bend < 0.0 else 0.0)
-
-
-def _feet(rig: StereoRig, rotation: Matrix, eye: Vector, reach: float, height: int) -> Mask:
-    """Rows (H, 1) where the feet of all that stands within `reach` appear: no corners for the far wall."""
-    drop = -(rotation[2, 1] * (np.arange(height) - rig.left.cy) / rig.left.fy + rotation[2, 2])
-    feet: Mask = drop[:, None] > eye[2] / reach
-    return feet
-
-
-def _corners(grey: Image, bright: Mask) -> Pixels:
-    found = cv2.goodFeaturesToTrack(
-        grey, MAX_CORNERS, 0.005, 4, mask=bright.astype(np.uint8), blockSize=5, useHarrisDetector=True, k=0.04
-    )
-    return np.zeros((0, 2)) if found is None else found.reshape(-1, 2).astype(np.float64)
-
-
-def _standing(
-    pixels: Pixels, depth: Vector, rig: StereoRig, rotation: Matrix, eye: Vector, limits: GroundLimits
-) -> GroundObstacles:
+def _off_the_floor(
+    corners: Pixels, most: int, bright: Mask, rig: StereoRig, rotation: Matrix, eye: Vector, reach: float
+) -> Pixels:
+    """Corners in bright regions, in rows where feet of things within `reach` appear: none of a far wall."""
     camera = rig.left
-    rays = (
-        np.column_stack(
-            [
-                (pixels[:, 0] - camera.cx) / camera.fx,
-                (pixels[:, 1] - camera.cy) / camera.fy,
-                np.ones(len(pixels)),
-            ]
-        )
-        @ rotation.T
-    )
-    points = eye + depth[:, None] * rays
-    sigma = depth**2 * MATCH_SIGMA_PX / (camera.fx * rig.baseline)
+    drop = -(rotation[2, 1] * (corners[:, 1] - camera.cy) / camera.fy + rotation[2, 2])
+    u, v = corners.astype(np.intp).T
+    chosen: Pixels = corners[bright[v, u] & (drop > eye[2] / reach)]
+    return np.asarray(chosen[spread(chosen, most, CORNERS_A_TILE)])
+
+
+def _band(corners: Pixels, rig: StereoRig, min_depth: float) -> tuple[Vector, Vector]:
+    """Columns of the right picture between which what is at least so far away appears, a little more."""
+    rays = np.column_stack([corners, np.ones(len(corners))]) @ np.linalg.inv(rig.left.matrix).T @ rig.R.T
+    near = rays * min_depth + np.asarray(rig.translation)
+    ends = [rig.right.cx + rig.right.fx * p[:, 0] / np.maximum(p[:, 2], 1e-6) for p in (near, rays)]
+    low, high = np.minimum(*ends), np.maximum(*ends) + 2.0
+    return np.asarray(low), np.asarray(high)
+
+
+def _obstacles(
+    features: _Features, stands: Mask, falls: Mask, heights: Vector, height_sigma: Vector, eye: Vector,
+    limits: GroundLimits,
+) -> GroundObstacles:  # fmt: skip
+    """Those within reach and in company, at their place on the floor."""
+    rays, points = features.seen.rays, features.seen.points(eye)
+    # What lies below is seen over the edge: there the ray passes the floor's level.
+    edge = eye + ((points[:, 2] - heights - eye[2]) / np.minimum(rays[:, 2], -FLATTEST_RAY))[:, None] * rays
+    points[falls, :2] = edge[falls, :2]
+    sigma = features.seen.sigma * np.linalg.norm(rays, axis=1)
     away = np.hypot(points[:, 0], points[:, 1])
-    gate = limits.step_height + limits.unnoticed_tilt * away + 2.5 * sigma * np.abs(rays[:, 2])
-    below = (points[:, 2] < -gate) & (rays[:, 2] < -0.05)
-    edge = eye + (eye[2] / np.maximum(-rays[:, 2], 0.05))[:, None] * rays
-    points[below, :2] = edge[below, :2]
-    keep = below | ((points[:, 2] > gate) & (points[:, 2] < limits.body_height))
-    keep &= np.hypot(points[:, 0], points[:, 1]) < limits.max_range
-    points, sigma, pixels = points[keep], sigma[keep], pixels[keep]
+    keep = np.flatnonzero((falls | stands) & (away < limits.max_range))
+    keep = keep[_in_company(points[keep], sigma[keep], falls[keep], features.left[keep], limits.neighbour)]
+    return GroundObstacles(
+        points[keep], sigma[keep], features.left[keep], falls[keep], heights[keep], height_sigma[keep]
+    )
+
+
+def _in_company(points: Matrix, sigma: Vector, falls: Mask, pixels: Pixels, reach: float) -> Mask:
+    """Which points have others of their kind near by, seen in other pixels: two of one patch err alike."""
     apart = np.linalg.norm(points[:, None, :2] - points[None, :, :2], axis=2)
-    company = (apart < limits.neighbour + 2.0 * sigma).sum(axis=1) >= 2
-    return GroundObstacles(points[company], sigma[company], pixels[company])
+    apart_px = np.linalg.norm(pixels[:, None] - pixels[None], axis=2)
+    # Where a ray passes the floor's level does not hang on how far below it ends.
+    within = reach + np.where(falls, 0.0, 2.0 * sigma)[:, None]
+    near = (apart < within) & (falls[:, None] == falls[None, :])
+    near &= apart_px >= OTHER_PX
+    return np.asarray(near.sum(axis=1) >= np.where(falls, FALLING_OTHERS, STANDING_OTHERS))
 
 
-def _grey(image: Image) -> Image:
-    return image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY).astype(np.uint8, copy=False)
+__all__ = [
+    "GroundLimits",
+    "GroundObstacles",
+    "GroundPlane",
+    "SeenGround",
+    "SeenLevel",
+    "bright_regions",
+    "find_obstacles",
+    "ground_homography",
+    "homography_from_matches",
+    "obstacle_points",
+    "plane_from_homography",
+    "see_ground",
+    "warp_to_left",
+]

@@ -9,29 +9,39 @@ the largest upright cylinder that passes it. Source: METHODS 10 for the question
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robot.messages import FreeSpace
-from robot.vision.carving import Plan
+from robot.vision.carving import Air
+from robot.vision.plan import Plan, proven
 
 Vector = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 BEARING_STEP = math.radians(0.5)
-LEADS_TO_M = 1.6
+LEADS_TO_M = 1.55
 """A way that leads so far (from the robot's origin) leads somewhere."""
 SHORTEST_M = 1.0
 LENGTH_STEP_M = 0.1
 BEYOND_M = 0.3
 """A shorter way counts if it leads so far beyond a narrow place."""
 NARROW_M = 0.8
+OPEN_M, OPEN_AT_M = 0.45, 1.05
+"""Room beside a way is looked for so far; a way that is nowhere narrower is judged so far ahead."""
+FIRST_NARROW, OPENING_DEPTH_M = 1.25, 0.1
+"""A place this much wider than the narrowest counts if it comes first; so deep an opening is looked at."""
+MOUTH_TIE = 1.03
+"""Places so little wider are as narrow."""
+ALIKE_M = 0.005
 LEAST_ROOM_M = 0.04
 """Less room is no opening at all."""
-BLIND_M = 0.5
+BLIND_M = 0.6
 """Nearer (from the origin) the view may end beside the way: the floor about the body is known."""
+FIRST_FLOOR_M = 0.6
+"""Floor first seen farther away than this leaves too much before it unseen."""
 FLOOR_SLACK_M = 0.12
 """The floor's cells are so coarse: a sector may end so much before a thing it only touches."""
 
@@ -76,22 +86,45 @@ class _Sides:
     right: Vector
 
 
-def widest_opening(plan: Plan, beyond: float) -> Opening | None:
+def widest_opening(plan: Plan, width: float, beyond: float) -> Opening | None:
     """The opening of the way with the most room; None if no way leads anywhere.
 
     Args:
         plan: where the air is empty.
+        width: of the body; a way that has room for it is preferred to a longer one that has not.
         beyond: how far past its narrowest place the way must be free, metres.
     """
-    half = 0.5 * (float(plan.tangents[-1]) - float(plan.tangents[0]))
-    spread = math.atan(half) - math.radians(5.0)
+    spread = math.atan(float(plan.tangents[-1])) - math.radians(5.0)
     bearings = plan.pan + np.arange(-spread, spread, BEARING_STEP)
-    sides = _beside(plan, bearings)
-    for length in np.arange(LEADS_TO_M, SHORTEST_M - 1e-9, -LENGTH_STEP_M):
-        found = _way_of(plan, sides, float(length), beyond)
-        if found is not None and (length == LEADS_TO_M or _leads_through(found, float(length))):
-            return found
+    blind = plan.distances + _ahead_of_origin(plan) < BLIND_M
+    # Beside the body the view may end; farther on what is not in view is not free.
+    ways = _beside(plan, ~plan.empty & (plan.in_view | ~blind), bearings)
+    things = _beside(plan, ~plan.empty & plan.in_view, bearings)
+    lengths = [float(n) for n in np.arange(LEADS_TO_M, SHORTEST_M - 1e-9, -LENGTH_STEP_M)]
+    for least in (width, LEAST_ROOM_M):
+        for length in lengths:
+            best = _roomiest(ways, length, least)
+            if best is None:
+                continue
+            found = _opening(plan, ways, things, best, length, beyond)
+            if length == LEADS_TO_M or (found.width < NARROW_M and found.distance + BEYOND_M <= length):
+                return found
     return None
+
+
+def proven_room(air: Air, plan: Plan, found: Opening, beyond: float) -> float:
+    """How wide a body could go straight through the opening by what is measured alone, metres.
+
+    From the narrowest place to `beyond` metres past it every place of its way must be proven empty.
+    """
+    along = (plan.distances + _ahead_of_origin(plan)) / math.cos(found.bearing - plan.pan)
+    rings = np.flatnonzero((along >= found.distance) & (along <= found.distance + beyond))
+    if not len(rings):
+        return 0.0
+    distances = plan.distances[rings]
+    barred = ~np.stack([proven(air, float(d)) for d in distances], axis=1)
+    sides = _beside(replace(plan, distances=distances), barred, np.array([found.bearing]))
+    return 2.0 * float(np.minimum(sides.left, sides.right).min())
 
 
 def floor_reaches(floor: FreeSpace, bearing: float, length: float, width: float) -> bool:
@@ -108,33 +141,37 @@ def floor_reaches(floor: FreeSpace, bearing: float, length: float, width: float)
     asked = (swept > BLIND_M) & (off < 0.5 * math.pi)
     needed = math.asin(min(0.5 * width / BLIND_M, 1.0)) - 2.0 * half_sector
     inside = (floor.bearings[0] <= bearing - needed) and (bearing + needed <= floor.bearings[-1])
-    reached = (floor.free >= swept - FLOOR_SLACK_M) & (floor.near <= BLIND_M)
+    reached = (floor.free >= swept - FLOOR_SLACK_M) & (floor.near <= FIRST_FLOOR_M)
     return inside and bool(asked.any()) and bool(reached[asked].all())
 
 
-def _beside(plan: Plan, bearings: Vector) -> _Sides:
-    """Room to the left and right of straight ways from the robot's origin."""
+def _ahead_of_origin(plan: Plan) -> float:
+    return float(plan.eye[0] * math.cos(plan.pan) + plan.eye[1] * math.sin(plan.pan))
+
+
+def _beside(plan: Plan, barred: NDArray[np.bool_], bearings: Vector) -> _Sides:
+    """Room to the left and right of straight ways from the robot's origin, up to barred places (K, J)."""
     forward = np.array([math.cos(plan.pan), math.sin(plan.pan)])
     right = np.array([forward[1], -forward[0]])
     way = np.column_stack([np.cos(bearings), np.sin(bearings)])
-    along = (plan.distances + plan.eye[:2] @ forward) / (way @ forward)[:, None]
+    along = (plan.distances + _ahead_of_origin(plan)) / (way @ forward)[:, None]
     lateral = along * (way @ right)[:, None] - plan.eye[:2] @ right
     step = float(plan.tangents[1] - plan.tangents[0])
     column = np.rint((lateral / plan.distances - plan.tangents[0]) / step).astype(np.intp)
     inside = (column >= 0) & (column < len(plan.tangents))
     column = np.clip(column, 0, len(plan.tangents) - 1)
-    # Beside the body the view may end; farther on what is not in view is not free.
-    blind = plan.distances + float(plan.eye[:2] @ forward) < BLIND_M
-    barred = ~(plan.empty | (blind & ~plan.in_view))
     last, following = _nearest_barred(barred)
     rings = np.arange(len(plan.distances))
     # A barred column bars all of its own width.
     edge_left = plan.tangents[0] + (last[column, rings] + 0.5) * step
     edge_right = plan.tangents[0] + (following[column, rings] - 0.5) * step
     slant = np.abs(way @ forward)[:, None]
-    to_left = np.where(inside, (lateral - edge_left * plan.distances) * slant, 0.0)
-    to_right = np.where(inside, (edge_right * plan.distances - lateral) * slant, 0.0)
-    return _Sides(bearings, along, np.maximum(to_left, 0.0), np.maximum(to_right, 0.0))
+    to_left = np.where(last[column, rings] < 0, OPEN_M, (lateral - edge_left * plan.distances) * slant)
+    to_right = np.where(
+        following[column, rings] >= len(barred), OPEN_M, (edge_right * plan.distances - lateral) * slant
+    )
+    to_left, to_right = (np.where(inside, np.clip(room, 0.0, OPEN_M), 0.0) for room in (to_left, to_right))
+    return _Sides(bearings, along, to_left, to_right)
 
 
 def _nearest_barred(barred: NDArray[np.bool_]) -> tuple[Index, Index]:
@@ -145,43 +182,52 @@ def _nearest_barred(barred: NDArray[np.bool_]) -> tuple[Index, Index]:
     return last, following
 
 
-def _way_of(plan: Plan, sides: _Sides, length: float, beyond: float) -> Opening | None:
-    within = sides.along <= length
-    room = 2.0 * np.where(within, np.minimum(sides.left, sides.right), np.inf).min(axis=1)
+def _roomiest(ways: _Sides, length: float, least: float) -> int | None:
+    """The way with the most room over this length, of equally roomy ones the middle; None below `least`."""
+    within = ways.along <= length
+    room = 2.0 * np.where(within, np.minimum(ways.left, ways.right), np.inf).min(axis=1)
     best = int(room.argmax())
-    if room[best] < LEAST_ROOM_M:
+    if room[best] < least:
         return None
-    # Of ways with as much room the middle one.
-    ties = np.flatnonzero(room >= room[best] - 0.005)
-    run = ties[np.abs(ties - best) == np.abs(np.arange(len(ties)) - int(np.flatnonzero(ties == best)[0]))]
-    best = int(run[len(run) // 2])
-    left, right = _narrowest(plan, sides, best, within[best])
-    middle = 0.5 * (left + right)
-    bearing = math.atan2(middle[1], middle[0])
-    through = _beside(plan, np.array([bearing]))
-    end = min(float(np.hypot(*middle)) + beyond, float(through.along[0, -1]))
-    passed = through.along[0] <= end
-    straight = 2.0 * float(np.minimum(through.left, through.right)[0, passed].min())
-    ring = int(np.searchsorted(through.along[0], float(np.hypot(*middle))))
-    top = float(plan.top[min(ring, len(plan.top) - 1)])
-    return Opening((left[0], left[1]), (right[0], right[1]), bearing, straight, top)
+    alike = room >= room[best] - ALIKE_M
+    first = best - int(np.argmin(alike[best::-1])) + 1 if not alike[best::-1].all() else 0
+    last = best + int(np.argmin(alike[best:])) - 1 if not alike[best:].all() else len(room) - 1
+    return (first + last) // 2
 
 
-def _narrowest(plan: Plan, sides: _Sides, chosen: int, within: NDArray[np.bool_]) -> tuple[Vector, Vector]:
-    """The two nearest points of both sides of one way, (2,) each, robot frame."""
-    bearing = float(sides.bearings[chosen])
-    way, aside = np.array([math.cos(bearing), math.sin(bearing)]), np.array([-math.sin(bearing), math.cos(bearing)])
+def _opening(plan: Plan, ways: _Sides, things: _Sides, chosen: int, length: float, beyond: float) -> Opening:
+    left, right = _narrowest(plan, things, chosen, length)
+    x, y = (float(c) for c in 0.5 * (left + right))
+    bearing, distance = math.atan2(y, x), math.hypot(x, y)
+    blind = plan.distances + _ahead_of_origin(plan) < BLIND_M
+    through = _beside(plan, ~plan.empty & (plan.in_view | ~blind), np.array([bearing]))
+    passed = through.along[0] <= distance + beyond
+    room = 2.0 * float(np.minimum(through.left, through.right)[0, passed].min())
+    ring = min(int(np.searchsorted(through.along[0], distance)), len(plan.top) - 1)
+    sides = [(float(p[0]), float(p[1])) for p in (left, right)]
+    return Opening(sides[0], sides[1], bearing, room, float(plan.top[ring]))
+
+
+def _narrowest(plan: Plan, things: _Sides, chosen: int, length: float) -> tuple[Vector, Vector]:
+    """The nearest two points of a way's sides, (2,) each, robot frame; of an open way at `OPEN_AT_M`."""
+    bearing = float(things.bearings[chosen])
+    way = np.array([math.cos(bearing), math.sin(bearing)])
     forward = np.array([math.cos(plan.pan), math.sin(plan.pan)])
-    # Sides were measured along the rings, the sideways line of the head, and shortened to the way's normal.
+    # Sides were measured along the rings, across the head's direction, and shortened to the way's normal.
     across = np.array([-forward[1], forward[0]]) / abs(float(way @ forward))
-    rings = within & (sides.along[chosen] > BLIND_M)
-    base = sides.along[chosen][rings, None] * way
-    left = base + sides.left[chosen][rings, None] * across
-    right = base - sides.right[chosen][rings, None] * across
+    rings = (things.along[chosen] <= length) & (things.along[chosen] > BLIND_M)
+    along, to_left, to_right = (side[chosen][rings] for side in (things.along, things.left, things.right))
+    left = along[:, None] * way + to_left[:, None] * across
+    right = along[:, None] * way - to_right[:, None] * across
     apart = np.linalg.norm(left[:, None] - right[None], axis=2)
-    i, j = np.unravel_index(int(apart.argmin()), apart.shape)
-    return left[i], right[j]
-
-
-def _leads_through(found: Opening, length: float) -> bool:
-    return found.width < NARROW_M and found.distance + BEYOND_M <= length
+    # Behind an opening what it hides narrows the plan again: the first narrow place is the opening.
+    first = along[int((apart.min(axis=1) <= FIRST_NARROW * apart.min()).argmax())]
+    apart[(along < first) | (along > first + OPENING_DEPTH_M)] = np.inf
+    # Between parallel sides all pairs are as near: the opening is where one comes to it.
+    entry = np.where(apart <= MOUTH_TIE * apart.min(), along[:, None] + along[None], np.inf)
+    i, j = np.unravel_index(int(entry.argmin()), apart.shape)
+    if max(to_left[i], to_right[j]) < OPEN_M:
+        return left[i], right[j]
+    # What is bounded on one side alone is no opening: the way itself counts, as far ahead as matters.
+    half, ring = np.minimum(to_left, to_right), int(np.abs(along - OPEN_AT_M).argmin())
+    return along[ring] * way + half[ring] * across, along[ring] * way - half[ring] * across

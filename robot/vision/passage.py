@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 
 from calib.model import HeadMount, StereoRig
 from robot.messages import Passage
-from robot.vision.stereo import Disparity, floor_disparities
+from robot.vision.disparity import Disparity
+from robot.vision.floor_aligned import floor_disparities
+from robot.vision.section import blocked_distance, largest_circle_px
 
 Mask = NDArray[np.bool_]
 
@@ -25,6 +27,8 @@ RIM_PX = 2.0
 NOISE_PX = 3
 """Free specks and threads thinner than this are noise."""
 MIN_RADIUS_PX = 3.0
+CERTAIN = 6
+"""Free pixels about an unmeasured one that make it free."""
 SPECK_PX = 60
 """So few standing pixels are false matches."""
 
@@ -76,6 +80,25 @@ def _height_sigma(disparity: Disparity, floor: NDArray[np.float32], eye_height: 
     return sigma.astype(np.float32, copy=False)
 
 
+def doubts_opened(free: Mask, measured: Mask) -> Mask:
+    """The free mask (H, W) with single unmeasured pixels opened: the matcher's doubts, not obstacles.
+
+    Only where at least `CERTAIN` of the eight pixels about one are free and none of them is measured blocked.
+    (Closing would join sparse false matches on a bare wall to a free region: a hole that becomes a passage.)
+
+    >>> free = np.ones((5, 5), np.bool_)
+    >>> free[2, 2] = False
+    >>> bool(doubts_opened(free, free)[2, 2]), bool(doubts_opened(free, np.ones_like(free))[2, 2])
+    (True, False)
+    """
+    about = cv2.boxFilter(
+        free.astype(np.float32), -1, (3, 3), normalize=False, borderType=cv2.BORDER_CONSTANT
+    )
+    blocked = cv2.dilate((measured & ~free).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    opened: Mask = free | (~measured & (about >= CERTAIN) & ~blocked)
+    return opened
+
+
 def largest_region(free: Mask) -> Mask:
     """The largest 4-connected region of free pixels after noise is removed; all False if there is none."""
     clean = cv2.morphologyEx(
@@ -95,9 +118,8 @@ def inscribed_circle(free: Mask) -> Circle | None:
     >>> inscribed_circle(np.ones((21, 31), np.bool_)).diameter_px
     21.0
     """
-    distance = _distance(largest_region(free))
-    v, u = np.unravel_index(int(distance.argmax()), distance.shape)
-    return _circle(float(u), float(v), float(distance[v, u]))
+    (u, v), diameter = largest_circle_px(largest_region(free))
+    return Circle((float(u), float(v)), diameter) if diameter > 0.0 else None
 
 
 def centroid_circle(free: Mask) -> Circle | None:
@@ -107,7 +129,7 @@ def centroid_circle(free: Mask) -> Circle | None:
     if not len(rows):
         return None
     u, v = float(columns.mean()), float(rows.mean())
-    distance = _distance(region)
+    distance = blocked_distance(region)
     return _circle(u, v, float(distance[round(v), round(u)]))
 
 
@@ -184,9 +206,7 @@ def free_passage(
         disparity.values + np.float32(rig.doffs) < _plane_px(disparity, rig, standing, beyond)
     )
     free &= ~standing
-    # Single unmeasured pixels are the matcher's doubts, not obstacles.
-    closed = cv2.morphologyEx(free.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8)) > 0
-    free |= closed & ~disparity.valid
+    free = doubts_opened(free, disparity.valid)
     circle = inscribed_circle(free)
     if circle is None or circle.radius_px < MIN_RADIUS_PX:
         return None
@@ -205,12 +225,6 @@ def _plane_px(disparity: Disparity, rig: StereoRig, standing: Mask, beyond: floa
     if len(values) <= SPECK_PX:
         return limit
     return max(limit, float(np.partition(values, -SPECK_PX)[-SPECK_PX]) + rig.doffs)
-
-
-def _distance(free: Mask) -> NDArray[np.float32]:
-    """Distance to the nearest blocked pixel; a blocked border is padded on, or an all-free mask has none."""
-    padded = cv2.copyMakeBorder(free.astype(np.uint8), 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
-    return cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1].astype(np.float32)
 
 
 def _circle(u: float, v: float, distance: float) -> Circle | None:

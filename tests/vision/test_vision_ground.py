@@ -77,7 +77,7 @@ def painted(x, y):
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_lines_and_shadows_on_the_floor_are_no_obstacles(seed):
-    pair = render(Room(floor_paint=painted, floor_seed=seed), seed=seed)
+    pair = render(Room(floor_paint=painted, floor_seed=seed), seed=seed, samples=2)
     points = obstacle_points(pair.left, pair.right, RIG, MOUNT, 0.0, TILT)
     assert points.shape == (0, 3) or (np.hypot(points[:, 0], points[:, 1]) > 1.8).all()
 
@@ -87,7 +87,7 @@ def test_lines_and_shadows_on_the_floor_are_no_obstacles(seed):
     [Block(1.0, 0.0, 0.3, 0.3, 0.3), Block(0.9, -0.1, 0.04, 0.04, 0.6), Block(0.8, 0.0, 0.2, 0.5, 0.06)],
 )
 def test_what_stands_up_is_found_where_it_stands(block):
-    pair = render(Room((block,), floor_paint=painted))
+    pair = render(Room((block,), floor_paint=painted), samples=2)
     found = find_obstacles(pair.left, pair.right, RIG, MOUNT, 0.0, TILT)
     near = np.hypot(found.points[:, 0], found.points[:, 1]) < 1.4
     assert near.sum() >= 3
@@ -95,12 +95,16 @@ def test_what_stands_up_is_found_where_it_stands(block):
     assert (off.max(axis=1) < 0.05 + 3 * found.sigma[near]).all()
     assert (found.points[near, 2] < block.z1 + 0.03).all()
     assert found.points.shape == (len(found.sigma), 3) == (len(found.pixels), 3)
+    assert len(found.falls) == len(found.heights) == len(found.height_sigmas) == len(found.points)
+    assert not found.falls[near].any()
 
 
 def test_what_hangs_higher_than_the_body_is_free():
     high = HeadMount(height=1.0)
     for bottom, found in ((0.5, False), (0.0, True)):
-        pair = render(Room((Block(0.9, 0.0, 0.2, 0.5, bottom + 0.1, z0=bottom),)), mount=high, tilt=0.6)
+        pair = render(
+            Room((Block(0.9, 0.0, 0.2, 0.5, bottom + 0.1, z0=bottom),)), mount=high, tilt=0.6, samples=2
+        )
         points = obstacle_points(pair.left, pair.right, RIG, high, 0.0, 0.6)
         assert (np.hypot(points[:, 0], points[:, 1]) < 1.3).any() == found
 

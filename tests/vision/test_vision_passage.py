@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from rendered_pairs import MOUNT, RIG, TILT, Block, Room, render
 
 from calib.model import Camera, StereoRig
+from robot.vision.disparity import Disparity
 from robot.vision.passage import (
     Circle,
     centre_in_camera,
@@ -19,7 +20,6 @@ from robot.vision.passage import (
     on_floor,
     rim_disparity,
 )
-from robot.vision.stereo import Disparity
 
 HAND_EYE = Camera(352, 288, 408.0, 408.0, 192.93, 149.29)
 HAND = StereoRig(HAND_EYE, HAND_EYE, translation=(-0.04, 0.0, 0.0))

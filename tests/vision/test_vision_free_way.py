@@ -1,0 +1,184 @@
+"""The base's way: gaps of known width, what must never be safe, and pictures that show nothing."""
+
+import math
+
+import numpy as np
+import pytest
+from exact_maps import exact_map, without
+from rendered_pairs import MOUNT, RIG, TILT, Block, Room, render
+
+from robot.vision.free_way import FreeWayFinder
+from robot.vision.section import BoxSection
+from robot.vision.stereo import AdaptiveWeightMatcher
+
+BODY = BoxSection(0.26, 0.32)
+FINDER = FreeWayFinder(RIG, MOUNT, BODY, AdaptiveWeightMatcher.floors(64))
+NOTHING = np.zeros((0, 3))
+LEVEL = math.radians(15.0)
+
+
+def gap_room(gap, away, *extra, deep=0.1, high=0.8):
+    blocks = tuple(
+        Block(away + deep / 2, side * (gap / 2 + 0.6), deep, 1.2, high, seed=2 + side) for side in (1, -1)
+    )
+    return Room((*blocks, *extra))
+
+
+def exact(room, tilt=LEVEL):
+    return exact_map(render(room, tilt=tilt, samples=1, noise=0.0), RIG)
+
+
+def look(found, tilt=LEVEL):
+    return FINDER.joined(found, NOTHING, 0.0, tilt)
+
+
+@pytest.mark.parametrize(("gap", "away"), [(0.45, 0.8), (0.34, 1.2), (0.31, 0.9)])
+def test_a_gap_wide_enough_is_safe_and_measured(gap, away):
+    passage = look(exact(gap_room(gap, away))).passage
+    assert passage.safe
+    assert passage.diameter == pytest.approx(gap, rel=0.04)
+    assert passage.position[0] == pytest.approx(away, abs=0.03 * away)
+    assert passage.position[1] == pytest.approx(0.0, abs=0.015)
+    assert passage.sigma_diameter == pytest.approx(math.sqrt(2) * 1.5 * away / 305, rel=0.2)
+    assert abs(passage.diameter - gap) < 2 * passage.sigma_diameter
+    u, v = passage.centre
+    ray = MOUNT.left_eye(0.0, LEVEL)[0] @ [(u - RIG.left.cx) / 305, (v - RIG.left.cy) / 305, 1.0]
+    eye = MOUNT.left_eye(0.0, LEVEL)[1]
+    off = np.cross(np.array(passage.position) - eye, ray / np.linalg.norm(ray))
+    assert np.linalg.norm(off) < 0.002
+
+
+@pytest.mark.parametrize(("gap", "away"), [(0.25, 0.7), (0.25, 1.3), (0.18, 0.9)])
+def test_a_gap_smaller_than_the_body_is_never_safe(gap, away):
+    passage = look(exact(gap_room(gap, away))).passage
+    assert passage is None or not passage.safe
+
+
+def test_what_one_eye_alone_sees_narrows_no_gap():
+    found = exact(gap_room(0.36, 1.0))
+    strip = ~found.valid[60, 150:]
+    assert strip.sum() > 6  # the right side hides a strip of the far wall from the right eye
+    blank = without(found, ~found.valid)  # and no guess tells what is there
+    for seen in (found, blank):
+        assert look(seen).passage.diameter == pytest.approx(0.36, rel=0.05)
+
+
+def test_open_floor_is_safe_and_a_wall_is_not():
+    assert look(exact(Room())).passage.safe
+    for away in (0.5, 0.9):
+        passage = look(exact(Room((Block(away + 0.05, 0.0, 0.1, 6.0, 1.0),)))).passage
+        assert passage is None or not passage.safe
+
+
+def test_a_hole_in_the_map_is_no_passage():
+    wall = exact(Room((Block(0.95, 0.0, 0.1, 6.0, 1.0),)))
+    for columns in (slice(100, 260), slice(120, 180)):
+        holes = np.zeros(wall.valid.shape, np.bool_)
+        holes[:170, columns] = True
+        passage = look(without(wall, holes)).passage
+        assert passage is None or not passage.safe
+
+
+def test_sparse_false_matches_on_a_bare_wall_are_no_passage():
+    wall = exact(Room((Block(0.95, 0.0, 0.1, 6.0, 1.0),)))
+    rng = np.random.default_rng(4)
+    holes = np.zeros(wall.valid.shape, np.bool_)
+    holes[:150, 80:280] = True
+    bare = without(wall, holes)
+    false = holes & (rng.random(holes.shape) < 0.3)
+    values = np.where(false, np.float32(7.0), bare.values)
+    passage = look(type(wall)(values, bare.valid | false, np.where(false, 0.2, bare.sigma_px))).passage
+    assert passage is None or not passage.safe
+
+
+@pytest.mark.parametrize(
+    "thing",
+    [
+        Block(0.7, 0.0, 0.1, 1.0, 0.05, seed=5),
+        Block(0.8, 0.05, 0.03, 0.03, 0.6, seed=5),
+        Block(0.9, 0.0, 0.3, 1.2, 0.3, z0=0.2, seed=5),
+    ],
+    ids=["sill", "post", "low table"],
+)
+def test_what_stands_in_the_way_makes_a_wide_gap_unsafe(thing):
+    assert look(exact(gap_room(0.45, 1.1))).passage.safe
+    passage = look(exact(gap_room(0.45, 1.1, thing))).passage
+    assert passage is None or not passage.safe
+
+
+def test_a_table_higher_than_the_body_may_be_passed_under():
+    top = Block(1.0, 0.0, 0.4, 1.2, 0.55, z0=0.5, seed=5)
+    passage = look(exact(Room((top,)))).passage
+    assert passage.safe
+
+
+def test_what_the_picture_does_not_show_is_not_safe():
+    # At 25 degrees the picture ends at the eyes' own height, which is below the body's top.
+    steep = math.radians(25.0)
+    passage = look(exact(gap_room(0.45, 0.8), steep), steep).passage
+    assert passage is not None
+    assert not passage.safe
+
+
+def test_unmeasured_floor_before_a_gap_makes_it_unsafe():
+    found = exact(gap_room(0.45, 1.1))
+    holes = np.zeros(found.valid.shape, np.bool_)
+    holes[175:240] = True
+    passage = look(without(found, holes)).passage
+    assert passage is None or not passage.safe
+
+
+def test_a_sill_ends_the_sectors_before_it_and_unknown_floor_beyond_is_not_free():
+    free = look(exact(Room((Block(0.75, 0.0, 0.1, 6.0, 0.04),))))
+    seen = free.free > free.near
+    assert seen.any()
+    assert free.free[seen].max() < 0.82
+
+
+def test_the_corners_of_another_witness_end_sectors_too():
+    found = exact(Room())
+    free = FINDER.joined(found, np.array([[0.9, 0.0, 0.1]]), 0.0, LEVEL)
+    k = int(np.abs(free.bearings).argmin())
+    assert free.free[k] == pytest.approx(0.9, abs=0.01)
+    assert free.obstacles[-1].tolist() == [0.9, 0.0]
+
+
+@pytest.mark.parametrize("away", [1.0, 1.5])
+def test_a_thin_post_that_the_matcher_may_not_measure_ends_its_sector(away):
+    pair = render(Room((Block(away, 0.0, 0.03, 0.03, 0.8),)), tilt=TILT, samples=2)
+    free = FINDER(pair.left, pair.right, 0.0, TILT)
+    end = free.free[int(np.abs(free.bearings).argmin())]
+    assert away - 0.135 < end < away + 0.05
+    beside = np.abs(np.abs(free.bearings) - math.radians(15)).argmin()
+    assert free.free[beside] > 1.6
+
+
+@pytest.mark.parametrize("gap", [0.2, 0.4])
+def test_with_the_matcher_itself(gap):
+    pair = render(gap_room(gap, 0.9), tilt=LEVEL)
+    passage = FINDER(pair.left, pair.right, 0.0, LEVEL).passage
+    assert passage.safe == (gap > 0.3)
+    assert passage.diameter == pytest.approx(gap, rel=0.1)
+
+
+@pytest.mark.parametrize("grey", [0, 128, 255])
+def test_pictures_that_show_nothing_free_nothing(grey):
+    picture = np.full((288, 352, 3), grey, np.uint8)
+    found = FINDER(picture, picture, 0.0, TILT)
+    assert not (found.free > found.near).any()
+    assert found.passage is None
+
+
+def test_nearer_than_the_search_is_never_free():
+    # 20 cm before the lenses a thing has 92 px of disparity; 64 are searched from the floor's own on.
+    pair = render(Room((Block(0.3, 0.0, 0.04, 1.0, 0.8),)), tilt=LEVEL)
+    found = FINDER(pair.left, pair.right, 0.0, LEVEL)
+    assert (found.free[found.free > found.near] < 0.33).all()
+    assert found.passage is None or not found.passage.safe
+
+
+def test_a_map_of_another_size_is_refused():
+    found = exact(Room())
+    small = type(found)(found.values[:100], found.valid[:100], found.sigma_px[:100])
+    with pytest.raises(ValueError, match=r"352x100|the rig 352x288"):
+        look(small)
