@@ -28,4 +28,4 @@ def _base() -> Finder:
 
 @cache
 def _hand() -> Finder:
-    return free_way.HandWayFinder(HAND_RIG, HAND_MOUNT, HAND, AdaptiveWeightMatcher.floors(HAND_DISPARITIES))
+    return free_way.HandWayFinder(HAND_RIG, HAND_MOUNT, HAND, AdaptiveWeightMatcher.normal(HAND_DISPARITIES))

@@ -14,7 +14,7 @@ import numpy as np
 from calib.model import StereoRig
 from robot import look_picture, model_file
 from robot.errors import UserError
-from robot.look_measure import Look, Sight, look
+from robot.look_measure import BODY, Look, Sight, look
 from robot.messages import Image
 from robot.rig_file import load_rig
 from robot.taught import parse_box
@@ -112,7 +112,9 @@ def words(found: Look, target: str | None) -> list[str]:
     lines = [_sight_words(sight) for sight in found.sights]
     if target is not None and not found.sights:
         lines.append(f"{target}: not in the picture")
-    return [*lines, _passage_words(found), _coverage_words(found)]
+    if found.complaint is not None:
+        lines.append(f"careful: {found.complaint}")
+    return [*lines, *_floor_words(found), _passage_words(found), _coverage_words(found)]
 
 
 def _sight_words(sight: Sight) -> str:
@@ -124,6 +126,32 @@ def _sight_words(sight: Sight) -> str:
         return f"{at}: no range, its middle does not match clearly in the right picture{dense}"
     bearing = f"{math.degrees(sight.bearing):+.1f} degrees"
     return f"{at}: {sight.distance:.3f} m +- {sight.sigma:.3f} m, bearing {bearing}{dense}"
+
+
+def _floor_words(found: Look) -> list[str]:
+    """The floor, what stands on it, and whether the base would pass."""
+    floor, ways = found.floor, found.ways
+    if floor is None:
+        return ["floor: none found in the picture, so nothing is said of what stands on it"]
+    hangs = (
+        f"floor: {floor.height:.2f} m below the eye, which looks {math.degrees(floor.tilt):.0f} degrees down"
+    )
+    if ways is None:
+        aslant = f"{math.degrees(floor.roll):+.0f} degrees"
+        return [f"{hangs}; the camera is held aslant ({aslant}): what stands on it cannot be told"]
+    away = np.hypot(ways.obstacles[:, 0], ways.obstacles[:, 1])
+    if not len(away):
+        return [hangs, "obstacles: none seen"]
+    nearest = int(away.argmin())
+    bearing = math.degrees(math.atan2(ways.obstacles[nearest, 1], ways.obstacles[nearest, 0]))
+    lines = [hangs, f"obstacles: the nearest at {away[nearest]:.2f} m, bearing {bearing:+.1f} degrees"]
+    if ways.passage is not None:
+        body = f"{BODY.width:.2f} m wide and {BODY.height:.2f} m high"
+        fits = "fits" if ways.passage.safe else "is not sure to fit"
+        way = f"way: {ways.passage.diameter:.2f} +- {ways.passage.sigma_diameter:.2f} m wide"
+        distance = math.hypot(*ways.passage.position[:2])
+        lines.append(f"{way} at {distance:.2f} m; a base {body} {fits}")
+    return lines
 
 
 def _passage_words(found: Look) -> str:

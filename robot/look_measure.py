@@ -14,9 +14,13 @@ from numpy.typing import NDArray
 from calib.model import HeadMount, StereoRig
 from calib.rectify import Rectifier, rectifier
 from robot.errors import UserError
-from robot.messages import Box, Detection, Image, Passage
-from robot.vision import health, passage
+from robot.messages import Box, Detection, FreeSpace, Image, Passage
+from robot.vision import passage
+from robot.vision.found_floor import FoundFloor, find_floor
+from robot.vision.free_way import FreeWayFinder
+from robot.vision.pair_check import check_pair, complaint
 from robot.vision.ranging import range_box
+from robot.vision.section import BoxSection
 from robot.vision.stereo import AdaptiveWeightMatcher, Disparity
 
 SEARCHED_SHARE = 0.25
@@ -26,6 +30,10 @@ PASSAGE_BEYOND_M = 1.5
 """What is farther is free to go, as far as the picture can tell; raised where everything is farther."""
 CALIBRATION_SIGMA_PX = 0.15
 """What the calibration of a real pair leaves in the disparities; no single match can see it."""
+BODY = BoxSection(0.26, 0.32)
+"""What is asked to pass: the robot on wheels as its config describes it by default."""
+MOST_ROLL = math.radians(4.0)
+"""A camera held more aslant would take the floor's one side for a step."""
 FOREGROUND_DEPTH = 1.3
 """What lies within this factor of the nearest surface belongs to the foreground."""
 
@@ -61,7 +69,9 @@ class Look:
     """Everything measured on a pair: rectified left picture, disparity, boxes, the passage beyond `beyond` m.
 
     rig is the rectified pair's; passage.position is in the left camera's axes turned to x forward, y left,
-    z up.
+    z up. floor: how the camera hangs over the floor, where one was found; ways: what stands on it and where a
+    base would pass, positions from the point of the floor under the middle of both eyes. complaint: what is
+    wrong with the pair, in one line.
     """
 
     picture: Image
@@ -70,6 +80,9 @@ class Look:
     sights: tuple[Sight, ...]
     passage: Passage | None
     beyond: float
+    floor: FoundFloor | None = None
+    ways: FreeSpace | None = None
+    complaint: str | None = None
 
 
 def look(
@@ -82,10 +95,10 @@ def look(
     """
     straight = rectifier(rig)
     flat_left, flat_right = straight(left, right)
-    if health.eyes_swapped(flat_left, flat_right):
-        raise UserError(
-            "left and right picture are exchanged (everything moved the wrong way): give LEFT first"
-        )
+    check = check_pair(flat_left, flat_right, straight.rig)
+    wrong = complaint(check)
+    if check.swapped:
+        raise UserError(wrong or "left and right picture are exchanged: give LEFT first")
     marked = () if box is None else (Detection(_moved(box, straight), 1.0, ""),)
     found = marked if target is None else tuple(target.predict(flat_left))
     matcher = AdaptiveWeightMatcher.fine(searched_disparities(straight.rig))
@@ -94,9 +107,33 @@ def look(
         _sight(flat_left, flat_right, place, straight.rig, disparity, matcher.disparities) for place in found
     )
     beyond = _beyond(disparity, straight.rig)
+    wide = AdaptiveWeightMatcher.floors(matcher.disparities)
+    floor = find_floor(wide(flat_left, flat_right), straight.rig)
     return Look(
-        flat_left, disparity, straight.rig, sights, free_passage(disparity, straight.rig, beyond), beyond
+        flat_left,
+        disparity,
+        straight.rig,
+        sights,
+        free_passage(disparity, straight.rig, beyond),
+        beyond,
+        floor,
+        None if floor is None else _ways(flat_left, flat_right, straight.rig, floor, wide),
+        wrong,
     )
+
+
+def mount_over(floor: FoundFloor, rig: StereoRig) -> HeadMount:
+    """A head that holds the eyes where the floor was found; the origin is under the middle of both eyes."""
+    return HeadMount(0.0, floor.height, 0.0, rig.baseline)
+
+
+def _ways(
+    left: Image, right: Image, rig: StereoRig, floor: FoundFloor, matcher: AdaptiveWeightMatcher
+) -> FreeSpace | None:
+    """What stands on the floor and where the base would pass; None for a camera held aslant."""
+    if abs(floor.roll) > MOST_ROLL:
+        return None
+    return FreeWayFinder(rig, mount_over(floor, rig), BODY, matcher)(left, right, 0.0, floor.tilt)
 
 
 def searched_disparities(rig: StereoRig) -> int:
@@ -149,12 +186,12 @@ def _sight(
 
 
 def _dense(z: Depths, box: Box) -> float | None:
-    """Median depth about the box's middle, if at least a third of it was measured."""
+    """Median depth about the box's middle, if at least a fifth of it was measured."""
     u, v = box.centre
     half_u, half_v = max(0.15 * box.w, 2.0), max(0.15 * box.h, 2.0)
     window = z[max(int(v - half_v), 0) : int(v + half_v) + 1, max(int(u - half_u), 0) : int(u + half_u) + 1]
     known = window[np.isfinite(window)]
-    return float(np.median(known)) if len(known) > window.size / 3 else None
+    return float(np.median(known)) if len(known) > window.size / 5 else None
 
 
 def _beyond(disparity: Disparity, rig: StereoRig) -> float:

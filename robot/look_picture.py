@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.look_measure import Look, Sight, depths
+from robot.look_measure import Look, Sight, depths, mount_over
 from robot.messages import Box, Image
 from robot.record import palette
 from robot.record.canvas import chip, corners, label, text, text_width
@@ -28,6 +28,7 @@ def draw(found: Look) -> Image:
     eye = _enlarged(_coloured(found.picture), factor, cv2.INTER_CUBIC)
     depth_map = _enlarged(_depth_colours(inverse, low, high), factor, cv2.INTER_NEAREST)
     for canvas in (eye, depth_map):
+        _draw_obstacles(canvas, found, factor)
         _draw_passage(canvas, found, factor)
         for sight in found.sights:
             _draw_sight(canvas, sight, factor)
@@ -89,6 +90,20 @@ def _scale(height: int, low: float, high: float) -> Image:
         words = f"{1.0 / inverse:.2f}" if inverse > 1e-3 else "far"
         text(panel, words, (30, row + 4), palette.PAPER, size=0.38)
     return panel
+
+
+def _draw_obstacles(canvas: Image, found: Look, factor: int) -> None:
+    """Where the things that stand on the floor touch it."""
+    if found.ways is None or found.floor is None or not len(found.ways.obstacles):
+        return
+    rotation, eye = mount_over(found.floor, found.rig).left_eye(0.0, found.floor.tilt)
+    feet = np.column_stack([found.ways.obstacles, np.zeros(len(found.ways.obstacles))])
+    seen = (feet - eye) @ rotation
+    camera = found.rig.left
+    for x, y, z in seen[seen[:, 2] > 0.05].tolist():
+        at = (camera.fx * x / z + camera.cx + 0.5) * factor, (camera.fy * y / z + camera.cy + 0.5) * factor
+        cv2.circle(canvas, (round(at[0]), round(at[1])), 4, (0, 0, 0), -1, cv2.LINE_AA)
+        cv2.circle(canvas, (round(at[0]), round(at[1])), 3, palette.bgr(palette.OBSTACLE_NEAR), -1, cv2.LINE_AA)
 
 
 def _draw_passage(canvas: Image, found: Look, factor: int) -> None:

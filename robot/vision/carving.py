@@ -173,7 +173,9 @@ def _upright(
     valid = np.take(disparity.valid, pixel) & rays.seen & (values > 0.5)
     scale = (camera.fx * rig.baseline * forward).astype(np.float32)[:, None]
     sure = np.take(disparity.sigma_px, pixel) < np.float32(GUESS_SIGMA_PX)
-    return scale / np.maximum(values, np.float32(0.5)), valid, sure & rays.seen
+    # Where a matcher gives no guess at all, none may be taken for a far one.
+    sure &= rays.seen & (values > 0.5)
+    return scale / np.maximum(values, np.float32(0.5)), valid, sure
 
 
 def _feet(left: Floats, rays: Rays, low: float) -> Floats:

@@ -46,7 +46,7 @@ class FloorAlignedMatcher:
         found = self._matcher(left, sheared.astype(np.uint8, copy=False))
         values = found.values + shift
         valid = found.valid & (values <= columns)
-        return Disparity(np.where(valid, values, np.float32(0.0)), valid, found.sigma_px)
+        return Disparity(np.maximum(values, np.float32(0.0)), valid, found.sigma_px)
 
 
 def floor_disparities(rig: StereoRig, mount: HeadMount, pan: float, tilt: float, height: int) -> Floats:

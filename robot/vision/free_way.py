@@ -26,7 +26,7 @@ import numpy as np
 
 from calib.model import HeadMount, StereoRig
 from robot.messages import FreeSpace, Image, Passage, Points
-from robot.vision import freespace, hole
+from robot.vision import freespace, hole, sectors
 from robot.vision.carving import Air, carve
 from robot.vision.disparity import Disparity, Matcher
 from robot.vision.floor_aligned import FloorAlignedMatcher
@@ -116,12 +116,12 @@ class FreeWayFinder:
         rig, mount, floor_limits = self._rig, self._mount, self._limits.floor
         look = freespace.looked(disparity, rig, mount, pan, tilt, floor_limits)
         floor = freespace.from_look(look, rig, mount, floor_limits)
-        floor = freespace.merge(freespace.merge(floor, floor.obstacles), corners)
+        floor = sectors.merge(sectors.merge(floor, floor.obstacles), corners)
         heights = (floor_limits.step_height, self._section.height)
         air = carve(disparity, rig, mount, pan, tilt, look.level, heights)
         plan = outline(air)
-        floor = freespace.ended_for_most(freespace.ended_by(floor, standing_points(air)), ends(plan))
-        floor = freespace.begun_near(floor, self._first_seen(tilt) + FIRST_FLOOR_M)
+        floor = sectors.ended_for_most(sectors.ended_by(floor, standing_points(air)), ends(plan))
+        floor = sectors.begun_near(floor, self._first_seen(tilt) + FIRST_FLOOR_M)
         return replace(floor, passage=self._passage(air, plan, floor, pan, tilt))
 
     def _first_seen(self, tilt: float) -> float:

@@ -285,9 +285,7 @@ def _in_company(points: Matrix, sigma: Vector, falls: Mask, pixels: Pixels, reac
     """Which points have others of their kind near by, seen in other pixels: two of one patch err alike."""
     apart = np.linalg.norm(points[:, None, :2] - points[None, :, :2], axis=2)
     apart_px = np.linalg.norm(pixels[:, None] - pixels[None], axis=2)
-    # Where a ray passes the floor's level does not hang on how far below it ends.
-    within = reach + np.where(falls, 0.0, 2.0 * sigma)[:, None]
-    near = (apart < within) & (falls[:, None] == falls[None, :])
+    near = (apart < reach + 2.0 * sigma[:, None]) & (falls[:, None] == falls[None, :])
     near &= apart_px >= OTHER_PX
     return np.asarray(near.sum(axis=1) >= np.where(falls, FALLING_OTHERS, STANDING_OTHERS))
 

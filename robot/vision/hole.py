@@ -153,7 +153,8 @@ def open_in_plane(disparity: Disparity, rig: StereoRig, plane: Plane, behind: fl
     sure = disparity.sigma_px < np.float32(GUESS_SIGMA_PX)
     here = focal_baseline / np.maximum(plane.over(surface.shape), np.float32(0.5))
     distance = focal_baseline / guess
-    near = distance <= here + np.float32(behind)
+    # Where a matcher gives no guess at all, none may be taken for a far one.
+    near = (distance <= here + np.float32(behind)) | (guess <= 0.5)
     hidden = np.maximum(plane.over(surface.shape) - guess, np.float32(0.0))
     surface = continued_behind(surface, distance, near, sure, hidden)
     surface = continued_behind(surface.T, distance.T, near.T, sure.T, np.zeros_like(hidden.T)).T

@@ -104,6 +104,18 @@ def test_what_a_glossy_floor_mirrors_is_no_step_down(away, gloss):
     assert here.sum() >= 5
 
 
+@pytest.mark.parametrize("seed", [0, 1])
+def test_nor_is_what_a_dark_polished_floor_mirrors(seed):
+    """Its own grain is faint: mirror images match well and in numbers, and must be told from a drop."""
+    block = Block(0.85, 0.0, 0.2, 0.35, 0.15, seed=41 + seed)
+    room = Room((block,), floor_seed=2 + seed, floor_paint=lambda x, y: np.full_like(x, 0.4))
+    mount = TippedMount(math.radians(0.3 * (seed - 1)))
+    found = found_in(look(room, Ground(gloss=0.2), mount=mount, samples=2, seed=seed))
+    here = near(found)
+    assert not found.falls[here].any()
+    assert here.sum() >= 5
+
+
 @pytest.mark.parametrize("size", [1.4, 1.8])
 def test_nor_is_the_mirror_image_of_a_wall(size):
     found = found_in(look(Room(size=size, floor_seed=3), Ground(gloss=0.3), mount=DOWN, samples=2))
@@ -178,6 +190,15 @@ def test_the_right_eyes_obstacles_leave_no_ghost_on_the_left_eyes_floor():
     # Where the right eye sees the block the left one sees floor some 25 px to the right of the block's own.
     off = np.abs(found.points[here, :2] - (0.8, 0.0)).max(axis=1)
     assert (off < 0.05 + 0.05 + 3 * found.sigma[here]).all()
+
+
+def test_one_odd_match_is_no_obstacle():
+    """A speck that each eye sees elsewhere (dirt, a highlight): it matches well, high above the floor."""
+    pair = look(Room(contrast=0.5), samples=2)
+    speck = cv2.GaussianBlur(np.random.default_rng(6).integers(0, 255, (15, 15, 1), np.uint8), (0, 0), 1.2)
+    left, right = pair.left.copy(), pair.right.copy()
+    left[190:205, 200:215], right[190:205, 150:165] = speck[..., None], speck[..., None]
+    assert not near(find_obstacles(left, right, RIG, MOUNT, 0.0, TILT)).any()
 
 
 def test_points_err_by_their_sigma():

@@ -70,18 +70,18 @@ def test_more_levels_than_can_be_told_apart_are_refused_and_fewer_than_two(count
 def test_a_level_that_lies_outside_the_right_picture_never_wins():
     costs = np.linspace(9.0, 1.0, 8, dtype=np.float32)[:, None, None] * np.ones((1, 3, 20), np.float32)
     won = select(costs)
-    assert (np.rint(won.level) <= np.arange(20)).all()
-    assert (np.rint(won.level[:, 7:]) == 7).all()
+    assert (won.level <= np.arange(20) + 0.5).all(), "the fraction alone may lean out by half a level"
+    assert (won.level[:, 7:] == 7).all()
 
 
 def test_what_only_the_left_eye_sees_is_not_stable():
-    # A surface at level 4 stands before one at level 1: columns 7, 8, 9 of the one behind are hidden by it.
+    # A surface at level 4 stands before one at level 1, of which it hides columns 7, 8 and 9.
     true = np.where(np.arange(24) >= 10, 4, 1)
     costs = np.full((8, 1, 24), 30.0, np.float32)
     costs[true, 0, np.arange(24)] = 0.0
     costs[1, 0, 7:10] = 5.0
     won = select(costs)
-    assert np.flatnonzero(~won.stable[0]).tolist() == [0, 7, 8, 9], "and the first column, hidden by the rim"
+    assert np.flatnonzero(~won.stable[0]).tolist() == [7, 8, 9]
     assert (won.level[0, 10:] == 4).all()
 
 
