@@ -15,7 +15,7 @@ from calib.model import StereoRig
 from robot import look_picture, model_file
 from robot.errors import UserError
 from robot.look_measure import BODY, Look, Sight, look
-from robot.messages import Image
+from robot.messages import Image, Passage
 from robot.rig_file import load_rig
 from robot.taught import parse_box
 
@@ -114,7 +114,9 @@ def words(found: Look, target: str | None) -> list[str]:
         lines.append(f"{target}: not in the picture")
     if found.complaint is not None:
         lines.append(f"careful: {found.complaint}")
-    return [*lines, *_floor_words(found), _passage_words(found), _coverage_words(found)]
+    # Where the floor is known, the way over it says more than a hole in the picture.
+    passage = [] if found.ways is not None else [_passage_words(found)]
+    return [*lines, *_floor_words(found), *passage, _coverage_words(found)]
 
 
 def _sight_words(sight: Sight) -> str:
@@ -140,18 +142,24 @@ def _floor_words(found: Look) -> list[str]:
         aslant = f"{math.degrees(floor.roll):+.0f} degrees"
         return [f"{hangs}; the camera is held aslant ({aslant}): what stands on it cannot be told"]
     away = np.hypot(ways.obstacles[:, 0], ways.obstacles[:, 1])
-    if not len(away):
-        return [hangs, "obstacles: none seen"]
-    nearest = int(away.argmin())
-    bearing = math.degrees(math.atan2(ways.obstacles[nearest, 1], ways.obstacles[nearest, 0]))
-    lines = [hangs, f"obstacles: the nearest at {away[nearest]:.2f} m, bearing {bearing:+.1f} degrees"]
-    if ways.passage is not None:
-        body = f"{BODY.width:.2f} m wide and {BODY.height:.2f} m high"
-        fits = "fits" if ways.passage.safe else "is not sure to fit"
-        way = f"way: {ways.passage.diameter:.2f} +- {ways.passage.sigma_diameter:.2f} m wide"
-        distance = math.hypot(*ways.passage.position[:2])
-        lines.append(f"{way} at {distance:.2f} m; a base {body} {fits}")
-    return lines
+    if len(away):
+        nearest = int(away.argmin())
+        bearing = math.degrees(math.atan2(ways.obstacles[nearest, 1], ways.obstacles[nearest, 0]))
+        told = f"obstacles: the nearest at {away[nearest]:.2f} m, bearing {bearing:+.1f} degrees"
+    else:
+        told = "obstacles: none seen"
+    return [hangs, told, _way_words(ways.passage)]
+
+
+def _way_words(passage: Passage | None) -> str:
+    """Whether the base would pass between what stands on the floor."""
+    body = f"a base {BODY.width:.2f} m wide and {BODY.height:.2f} m high"
+    if passage is None:
+        return f"way: none seen for {body}"
+    wide = f"way: {passage.diameter:.2f} +- {passage.sigma_diameter:.2f} m wide"
+    x, y, _ = passage.position
+    there = f"at {math.hypot(x, y):.2f} m, bearing {math.degrees(math.atan2(y, x)):+.1f} degrees"
+    return f"{wide} {there}; {body} {'fits' if passage.safe else 'is not sure to fit'}"
 
 
 def _passage_words(found: Look) -> str:

@@ -103,18 +103,22 @@ def _draw_obstacles(canvas: Image, found: Look, factor: int) -> None:
     for x, y, z in seen[seen[:, 2] > 0.05].tolist():
         at = (camera.fx * x / z + camera.cx + 0.5) * factor, (camera.fy * y / z + camera.cy + 0.5) * factor
         cv2.circle(canvas, (round(at[0]), round(at[1])), 4, (0, 0, 0), -1, cv2.LINE_AA)
-        cv2.circle(canvas, (round(at[0]), round(at[1])), 3, palette.bgr(palette.OBSTACLE_NEAR), -1, cv2.LINE_AA)
+        cv2.circle(
+            canvas, (round(at[0]), round(at[1])), 3, palette.bgr(palette.OBSTACLE_NEAR), -1, cv2.LINE_AA
+        )
 
 
 def _draw_passage(canvas: Image, found: Look, factor: int) -> None:
-    passage = found.passage
+    """The way over the floor where that is known, else the largest hole in the picture."""
+    passage = found.passage if found.ways is None else found.ways.passage
     if passage is None:
         return
     u, v = (round((c + 0.5) * factor) for c in passage.centre)
     radius = max(round(passage.radius_px * factor), 1)
     for colour, thickness in (((0, 0, 0), 4), (palette.bgr(palette.PASSAGE), 2)):
         cv2.circle(canvas, (u, v), radius, colour, thickness, cv2.LINE_AA)
-    words = f"free {passage.diameter:.2f} m"
+    sure = "" if found.ways is None or passage.safe else ", not sure"
+    words = f"free {passage.diameter:.2f} m{sure}"
     label(canvas, words, (u - (text_width(words, size=0.36, bold=True) + 8) // 2, v + 7), palette.PASSAGE)
 
 

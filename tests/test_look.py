@@ -171,7 +171,8 @@ def test_the_command_prints_the_range_and_writes_the_picture(
     assert code == look_command.DONE
     assert distance == pytest.approx(float(motorcycle[2][220, 425]), rel=0.03)
     assert "+-" in said
-    assert "free passage: " in said
+    assert "floor: " in said
+    assert "way: " in said
     assert cv2.imread(str(out)).shape[0] == 500 + CAPTION_PX
     assert [p.name for p in tmp_path.iterdir()] == ["seen.png"]
 

@@ -76,7 +76,11 @@ class Avoid:
         return Intent(look=look, motion=Follow(self._path), wants=frozenset(wants))
 
     def _look_around(self, situation: Situation) -> HeadPose:
-        """Without a way: look at the widest passage in sight, else from side to side, for a way to appear."""
+        """Without a way: look at the widest passage in sight, else from side to side, for a way to appear.
+
+        A passage that is wide enough but not sure is looked at from farther up: what keeps it from being
+        sure most often is that the picture does not show the body's whole height there.
+        """
         free_space = situation.percepts.free_space
         passage = free_space.value.passage if free_space is not None else None
         since = situation.now - (self._pathless_since or situation.now)
@@ -86,7 +90,8 @@ class Avoid:
             and since < LOOK_AROUND_FOR / 2
         ):
             x, y, _ = passage.position
-            return HeadPose(pan_towards(x, y, self._behaviour), self._behaviour.rest_tilt)
+            tilt = self._behaviour.rest_tilt * (1.0 if passage.safe else 0.5)
+            return HeadPose(pan_towards(x, y, self._behaviour), tilt)
         pan = self._behaviour.pan_limit * 0.8 * math.sin(math.tau * since / LOOK_AROUND_FOR)
         return HeadPose(pan, self._behaviour.rest_tilt)
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -58,6 +59,7 @@ class Pair:
     depth: np.ndarray
 
 
+@lru_cache(maxsize=64)
 def texture(seed: int, size: int = 512) -> np.ndarray:
     """A periodic cloud of several octaves, mean 0.5, as float32 (size, size)."""
     rng = np.random.default_rng(seed)

@@ -109,9 +109,13 @@ def test_intensity_and_gradient_are_cut_off_at_their_own_limits():
     assert (pooled_cost(left, right, 4, MatchingCost(intensity_limit=5)) == 5).all()
     step = np.repeat(np.array([[100, 100, 100, 100, 110, 110, 110, 110]], np.uint8), 4, axis=0)
     flat = np.full((4, 8), 100, np.uint8)
-    found = row_pooled_cost(step, flat, 2, MatchingCost(intensity_limit=0, gradient_limit=15, gradient_gain=2.0))
+    found = row_pooled_cost(
+        step, flat, 2, MatchingCost(intensity_limit=0, gradient_limit=15, gradient_gain=2.0)
+    )
     assert found[0, 0].tolist() == [0, 0, 0, 10, 10, 0, 0, 0]
-    found = row_pooled_cost(step, flat, 2, MatchingCost(intensity_limit=0, gradient_limit=4, gradient_gain=2.0))
+    found = row_pooled_cost(
+        step, flat, 2, MatchingCost(intensity_limit=0, gradient_limit=4, gradient_gain=2.0)
+    )
     assert found[0, 0].tolist() == [0, 0, 0, 4, 4, 0, 0, 0]
 
 
