@@ -20,14 +20,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from bench import stereo_ours
 from calib.model import StereoRig
 from robot.errors import UserError
+from robot.look_measure import look
+from robot.look_picture import draw_obstacles, draw_passage
 from robot.messages import Image
 from robot.record import palette
 from robot.record.canvas import text
 from robot.vision.densify import densified
 from robot.vision.disparity import Disparity
+from robot.vision.stereo import AdaptiveWeightMatcher
 
 PANEL_PX = (300, 236)
 """Width and height of one picture on the sheet."""
@@ -36,7 +38,6 @@ NEAREST_M, FARTHEST_M = 0.4, 8.0
 """Ends of the colour scale; it is linear in log Z, so that rooms and hands both keep their detail."""
 TICKS_M = (0.4, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0, 8.0)
 UNMEASURED = (54, 50, 46)
-PRESET = "fine"
 _AREA = cv2.INTER_AREA
 
 
@@ -131,7 +132,7 @@ def strip(pair: RealPair, found: Disparity, overlay: Overlay | None) -> Image:
     caption = _ground(CAPTION_PX, body.shape[1])
     text(caption, pair.name.replace("_", " "), (2, 14), palette.PAPER, size=0.45)
     for number, words in enumerate((_measured(distance, found), "guessed between"), start=1):
-        text(caption, words, (number * (PANEL_PX[0] + GAP_PX) + 2, 14), palette.MUTED, size=0.42)
+        text(caption, words, (number * (PANEL_PX[0] + GAP_PX) + 2, 14), palette.MUTED, size=0.4)
     return np.asarray(np.vstack([caption, body, _ground(GAP_PX, body.shape[1])]), np.uint8)
 
 
@@ -154,7 +155,7 @@ def scale_bar(height: int) -> Image:
         share = math.log(tick / NEAREST_M) / math.log(FARTHEST_M / NEAREST_M)
         row = round(top + share * (bottom - top - 1))
         cv2.line(panel, (36, row), (41, row), palette.bgr(palette.PAPER), 1)
-        text(panel, f"{tick:g} m", (45, row + 4), palette.PAPER, size=0.42)
+        text(panel, f"{tick:g} m", (45, row + 4), palette.PAPER, size=0.4)
     return panel
 
 
@@ -166,7 +167,7 @@ def main() -> int:
     options = parser.parse_args()
     try:
         pairs = real_pairs(Path(options.data) if options.data else installed_folder())
-        drawn = sheet(pairs, _match, None)
+        drawn = sheet(pairs, _match, over_the_floor)
         if not cv2.imwrite(options.out, drawn):
             raise UserError(f"{options.out}: cannot be written")
     except (UserError, cv2.error) as error:
@@ -174,8 +175,17 @@ def main() -> int:
     return 0
 
 
+def over_the_floor(pair: RealPair, found: Disparity) -> Image:
+    """What `robot look` draws: things that stand on the floor it found, and the way between them."""
+    seen = look(pair.left, pair.right, pair.rig)
+    canvas = pair.left.copy()
+    draw_obstacles(canvas, seen, 1)
+    draw_passage(canvas, seen, 1)
+    return canvas
+
+
 def _match(pair: RealPair) -> Disparity:
-    return stereo_ours.matcher(PRESET, searched_disparities(pair.rig))(pair.left, pair.right)
+    return AdaptiveWeightMatcher.floors(searched_disparities(pair.rig))(pair.left, pair.right)
 
 
 def _calibration(path: Path) -> tuple[StereoRig, slice]:
@@ -227,7 +237,7 @@ def _measured(distance: NDArray[np.float64], found: Disparity) -> str:
     if not found.valid.any():
         return "nothing measured"
     near, middle = np.percentile(distance[found.valid], (2, 50))
-    return f"{found.valid.mean():.0%} measured, nearest {near:.2f} m, median {middle:.2f} m".replace(
+    return f"{found.valid.mean():.0%} measured, {near:.2f} m nearest, {middle:.2f} m median".replace(
         "%", " %"
     )
 

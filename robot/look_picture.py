@@ -28,8 +28,8 @@ def draw(found: Look) -> Image:
     eye = _enlarged(_coloured(found.picture), factor, cv2.INTER_CUBIC)
     depth_map = _enlarged(_depth_colours(inverse, low, high), factor, cv2.INTER_NEAREST)
     for canvas in (eye, depth_map):
-        _draw_obstacles(canvas, found, factor)
-        _draw_passage(canvas, found, factor)
+        draw_obstacles(canvas, found, factor)
+        draw_passage(canvas, found, factor)
         for sight in found.sights:
             _draw_sight(canvas, sight, factor)
     gap = _ground(eye.shape[0], GAP_PX)
@@ -92,7 +92,7 @@ def _scale(height: int, low: float, high: float) -> Image:
     return panel
 
 
-def _draw_obstacles(canvas: Image, found: Look, factor: int) -> None:
+def draw_obstacles(canvas: Image, found: Look, factor: int) -> None:
     """Where the things that stand on the floor touch it."""
     if found.ways is None or found.floor is None or not len(found.ways.obstacles):
         return
@@ -108,7 +108,7 @@ def _draw_obstacles(canvas: Image, found: Look, factor: int) -> None:
         )
 
 
-def _draw_passage(canvas: Image, found: Look, factor: int) -> None:
+def draw_passage(canvas: Image, found: Look, factor: int) -> None:
     """The way over the floor where that is known, else the largest hole in the picture."""
     passage = found.passage if found.ways is None else found.ways.passage
     if passage is None:

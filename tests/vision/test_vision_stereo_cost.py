@@ -19,7 +19,7 @@ COSTS = st.builds(
 def gradient(grey, row, column, down, right, gain):
     """Half the difference of a pixel's two neighbours times gain, about 128; nothing across the rim."""
     height, width = grey.shape
-    if not (0 <= row - down and row + down < height and 0 <= column - right and column + right < width):
+    if not (row - down >= 0 and row + down < height and column - right >= 0 and column + right < width):
         return 128.0
     behind, before = int(grey[row + down, column + right]), int(grey[row - down, column - right])
     return float(np.clip(np.rint(128.0 + gain * (behind - before) / 2), 0, 255))
