@@ -35,6 +35,8 @@ lint: $(READY)
 bench: $(READY)
 	$(BIN)/python -m bench.range
 	$(BIN)/python -m bench.tick
+	$(BIN)/python -m bench.stereo
+	$(BIN)/python -m bench.freespace
 	$(BIN)/python -m bench.faults
 	$(BIN)/python -m bench.fuzz
 	$(BIN)/python -m bench.wire

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 
 import numpy as np
@@ -17,11 +18,12 @@ PRESETS = ("lite", "normal", "fine")
 @cache
 def matcher(preset: str, disparities: int) -> Matcher:
     """The matcher of one preset, made once as in the robot; a KeyError names an unknown preset."""
-    return {
+    makers: dict[str, Callable[[int], Matcher]] = {
         "lite": AdaptiveWeightMatcher.lite,
         "normal": AdaptiveWeightMatcher.normal,
         "fine": AdaptiveWeightMatcher.fine,
-    }[preset](disparities)
+    }
+    return makers[preset](disparities)
 
 
 def ours() -> tuple[Method, ...]:

@@ -119,7 +119,8 @@ def smoothed(nodes: Floats, support: Support) -> Floats:
     """S over the grid: one dense product along each axis."""
     rows, columns, clusters, width = nodes.shape
     along = np.matmul(_spatial(columns, support), nodes.reshape(rows, columns, clusters * width))
-    return (_spatial(rows, support) @ along.reshape(rows, -1)).reshape(nodes.shape)
+    across = _spatial(rows, support) @ along.reshape(rows, -1)
+    return np.asarray(across, np.float32).reshape(nodes.shape)
 
 
 @lru_cache(maxsize=16)

@@ -85,7 +85,7 @@ def fill_rows(values: Floats, known: Mask) -> Floats:
     from_left = np.where(before >= 0, np.take(values, rows + np.maximum(before, 0)), nothing)
     from_right = np.where(behind < width, np.take(values, rows + np.minimum(behind, width - 1)), nothing)
     filled: Floats = np.minimum(from_left, from_right)
-    return _fill_blank_rows(filled, known.any(axis=1))
+    return _fill_blank_rows(filled, np.asarray(known.any(axis=1), np.bool_))
 
 
 def _fill_blank_rows(filled: Floats, seen: Mask) -> Floats:
@@ -157,7 +157,7 @@ def fit(left: Image, right: Image, coarse: Floats, window: Window = WINDOW) -> F
         energy = means.of(gradient, gradient)
         slope = means.of(gradient, cv2.subtract(level_left, warped))
         step = np.clip(slope / (energy + LEAST_ENERGY), -LARGEST_STEP_PX, LARGEST_STEP_PX)
-        values = cv2.subtract(values, means.enlarged(step))
+        values = np.asarray(cv2.subtract(values, means.enlarged(step)), np.float32)
     own, other = means.of(level_left, level_left), means.of(warped, warped)
     both = means.of(level_left, warped)
     correlation = both / np.sqrt(own * other + np.float32(1e-3))
@@ -178,7 +178,7 @@ class _Means:
         self._window = half_side_px, half_side_px
         self.pixels = 4 * half_side_px**2
 
-    def of(self, one: Floats, other: Floats) -> Floats:
+    def of(self, one: NDArray[Any], other: NDArray[Any]) -> Floats:
         """Mean of one * other in each window, (H / 2, W / 2)."""
         return self._mean(cv2.multiply(one, other))
 

@@ -58,8 +58,8 @@ def select(costs: Floats) -> Winners:
     pixel = np.arange(height * width, dtype=np.int32).reshape(height, width)
     theirs = np.take(right, pixel - winner) & low_bits
     stable = np.abs(theirs - winner) <= 1
-    level = winner.astype(np.float32) + _valley(*_around(costs, winner, pixel))
-    return Winners(level, stable)
+    found = winner.astype(np.float32) + _valley(*_around(costs, winner, pixel))
+    return Winners(found, stable)
 
 
 def greatest(scores: Floats) -> Floats:

@@ -64,7 +64,7 @@ def vote(levels: Floats, stable: Mask, guide: Image, count: int, voting: Voting)
     votes = _ballots(np.clip(levels, 0.0, count - 1.0), weight, guide, share, count, support)
     mixed = np.matmul(by_cells(np.take(share, guide, axis=0), support.cell), smoothed(votes, support))
     sums = cv2.transpose(by_rows(mixed, support.cell).reshape(height * width, count))
-    return greatest(sums.reshape(count, height, width))
+    return greatest(np.asarray(sums, np.float32).reshape(count, height, width))
 
 
 def _ballots(

@@ -122,6 +122,13 @@ def test_refuses_pictures_that_are_no_pair():
         aligned(np.zeros((40, 60), np.uint8), np.zeros((41, 60), np.uint8), 0.0, TILT)
 
 
+def test_what_is_not_measured_keeps_the_value_it_was_filled_with():
+    found = FloorAlignedMatcher(Scripted(2.5, valid=False), RIG, MOUNT)(*pictures(), 0.0, TILT)
+    shift = np.maximum(floor_disparities(RIG, MOUNT, 0.0, TILT, ROWS) - 8.0, 0.0)
+    assert not found.valid.any()
+    assert found.values[:, 0] == pytest.approx(2.5 + shift, abs=1e-4)
+
+
 # ---------------------------------------------------------------------------------------- what it is good for
 
 

@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rendered_pairs import RIG, Block, Room, render
+from rendered_pairs import MOUNT, RIG, TILT, Block, Room, render
 
-from robot.vision.stereo import AdaptiveWeightMatcher
+from robot.vision.stereo import AdaptiveWeightMatcher, FloorAlignedMatcher, own
+from robot.vision.stereo_selection import Winners
 from robot.vision.stereo_voting import Voting
 
-PRESETS = ("lite", "normal", "fine")
+PRESETS = ("lite", "normal", "fine", "floors")
 STAGES = ("cost", "aggregation", "selection", "voting", "refinement", "checks")
 MODULES = ("disparity", "stereo", "floor_aligned", *(f"stereo_{stage}" for stage in STAGES))
 
@@ -44,7 +45,7 @@ def as_bytes(found):
 # ---------------------------------------------------------------------------------------- simple pictures
 
 
-@pytest.mark.parametrize(("name", "within"), [("lite", 0.2), ("normal", 0.1), ("fine", 0.1)])
+@pytest.mark.parametrize(("name", "within"), [("lite", 0.2), ("normal", 0.1), ("fine", 0.1), ("floors", 0.1)])
 @settings(max_examples=8, deadline=None)
 @given(shift=st.integers(1, 44), seed=st.integers(0, 1000))
 def test_a_shifted_picture_comes_out_at_its_shift(name, within, shift, seed):
@@ -114,12 +115,18 @@ def found_in(name, preset):
     return matcher(preset)(pair.left, pair.right)
 
 
-# Measured: coverage 0.93-0.97, 0.95-0.99, 0.95-0.99; wrong, filled or not, 0.9 %, 0.5 %, 0.4 %; wrong among
-# the valid 0.3 %, 0.06 %, 0.06 %; median 0.12, 0.065, 0.065 px; inside one sigma 0.78-0.81, 0.79-0.87.
-LEAST_COVERED = {"lite": 0.91, "normal": 0.93, "fine": 0.93}
-MOST_WRONG = {"lite": 0.013, "normal": 0.008, "fine": 0.006}
-MOST_WRONG_VALID = {"lite": 0.004, "normal": 0.0015, "fine": 0.0015}
-MEDIAN_PX = {"lite": 0.14, "normal": 0.08, "fine": 0.08}
+# The least measured of the three rooms, in brackets, with a margin.
+LEAST_COVERED = {"lite": 0.91, "normal": 0.93, "fine": 0.93, "floors": 0.92}  # (0.929, 0.949, 0.953, 0.945)
+MOST_WRONG = {"lite": 0.013, "normal": 0.008, "fine": 0.006, "floors": 0.011}  # (0.87, 0.47, 0.34, 0.76 %)
+MOST_WRONG_VALID = {
+    "lite": 0.004,
+    "normal": 0.0015,
+    "fine": 0.0015,
+    "floors": 0.004,
+}  # (.26, .06, .06, .29 %)
+MEDIAN_PX = {"lite": 0.14, "normal": 0.08, "fine": 0.08, "floors": 0.07}  # (0.114, 0.069, 0.069, 0.057)
+INSIDE_SIGMA = {"lite": 0.72, "normal": 0.74, "fine": 0.74, "floors": 0.66}  # (0.784, 0.806, 0.804, 0.711)
+INSIDE_TWO = {"lite": 0.93, "normal": 0.93, "fine": 0.93, "floors": 0.84}  # (0.956, 0.952, 0.950, 0.866)
 
 
 @pytest.mark.parametrize("name", ROOMS)
@@ -140,8 +147,8 @@ def test_a_rooms_sigma_is_not_too_small_and_its_values_have_no_bias(preset, name
     error = (found.values - truth)[found.valid]
     z = np.abs(error) / found.sigma_px[found.valid]
     assert abs(np.median(error)) < 0.03
-    assert (z < 1).mean() > 0.7
-    assert (z < 2).mean() > 0.93
+    assert (z < 1).mean() > INSIDE_SIGMA[preset]
+    assert (z < 2).mean() > INSIDE_TWO[preset]
 
 
 @pytest.mark.parametrize("name", ROOMS)
@@ -153,10 +160,10 @@ def test_the_second_volume_makes_fewer_wrong(name):
     assert fine < normal
 
 
-# Measured with either eye darker: wrong among the valid 0.6 %, 0.16 %, 0.13 %; coverage falls to 0.88, 0.61
-# and 0.53 in the dull room (contrast 0.4), to 0.88, 0.83 and 0.80 in the others.
-COVERED_THEN = {"lite": (0.86, 0.85), "normal": (0.80, 0.57), "fine": (0.77, 0.48)}
-MOST_WRONG_THEN = {"lite": 0.008, "normal": 0.003, "fine": 0.003}
+# Measured with either eye darker: valid in "blocks" 0.885, 0.839, 0.823, 0.922; in the dull room (contrast
+# 0.4) 0.901, 0.522, 0.429, 0.920; wrong among the valid at most 0.58, 0.12, 0.10, 0.37 %.
+COVERED_THEN = {"lite": (0.86, 0.87), "normal": (0.81, 0.48), "fine": (0.79, 0.39), "floors": (0.89, 0.89)}
+MOST_WRONG_THEN = {"lite": 0.008, "normal": 0.002, "fine": 0.002, "floors": 0.005}
 
 
 @pytest.mark.parametrize("darker", ["left", "right"])
@@ -171,6 +178,48 @@ def test_eyes_that_expose_differently_measure_less_but_hardly_wrong(preset, name
     assert (error > 2).mean() < MOST_WRONG_THEN[preset]
     assert np.median(error) < (0.17 if preset == "lite" else 0.1)
     assert found.valid[seen].mean() > COVERED_THEN[preset][name == "dull"]
+
+
+# ---------------------------------------------------------------------------------- a floor hardly textured
+
+
+@cache
+def noisy_floor(contrast, noise, seed):
+    pair = render(Room(contrast=contrast), noise=noise, seed=seed)
+    return pair, RIG.left.fx * RIG.baseline / pair.depth
+
+
+def inside_one_sigma(contrast, noise):
+    pair, truth = noisy_floor(contrast, noise, 0)
+    found = FloorAlignedMatcher(matcher("floors"), RIG, MOUNT)(pair.left, pair.right, 0.0, TILT)
+    return (np.abs(found.values - truth) < found.sigma_px)[found.valid].mean()
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_floors_measures_a_noisy_floor_that_normal_does_not(seed):
+    """Contrast a tenth, noise 4: aligned to the floor 0.92 against 0.17 of it, 0.2 px median, none wrong."""
+    pair, truth = noisy_floor(0.1, 4.0, seed)
+    normal, floors = (
+        FloorAlignedMatcher(matcher(name), RIG, MOUNT)(pair.left, pair.right, 0.0, TILT)
+        for name in ("normal", "floors")
+    )
+    assert floors.valid[:, 60:].mean() > 0.88 > 3 * normal.valid[:, 60:].mean()
+    error = np.abs(floors.values - truth)[floors.valid]
+    assert np.median(error) < 0.25
+    assert (error > 2).mean() < 0.001
+
+
+@pytest.mark.parametrize("contrast", [0.15, 0.1])
+def test_a_noisy_floors_sigma_is_honest(contrast):
+    assert 0.6 < inside_one_sigma(contrast, 4.0) < 0.8
+
+
+@pytest.mark.xfail(
+    strict=True, reason="a smoothed picture's noise is alike over more pixels than sigma knows"
+)
+@pytest.mark.parametrize(("contrast", "noise"), [(0.06, 4.0), (0.1, 8.0)])
+def test_sigma_is_honest_where_there_is_more_noise_than_floor(contrast, noise):
+    assert 0.6 < inside_one_sigma(contrast, noise) < 0.8
 
 
 # ------------------------------------------------------------------------------------- what a caller may do
@@ -234,8 +283,21 @@ def test_grey_and_colour_of_the_same_pair_are_one(name):
     assert as_bytes(matcher(name)(left, right)) == as_bytes(matcher(name)(*coloured))
 
 
+@pytest.mark.parametrize("smoothing", [-0.1, 3.1, float("nan")])
+def test_refuses_a_smoothing_out_of_range(smoothing):
+    with pytest.raises(ValueError, match="smoothing_px must be 0 to 3, got"):
+        AdaptiveWeightMatcher(64, smoothing_px=smoothing)
+
+
+def test_a_level_is_the_winners_own_if_both_eyes_chose_it_and_nothing_replaced_it():
+    winners = Winners(np.array([[5.0, 5.0, 5.0, 5.0]], np.float32), np.array([[True, True, True, False]]))
+    replaced = np.array([[5.0, 5.9, 6.1, 5.0]], np.float32)
+    assert own(winners, replaced).tolist() == [[True, True, False, False]]
+
+
 def test_presets_are_what_they_say():
     normal, fine = AdaptiveWeightMatcher.normal(), AdaptiveWeightMatcher.fine()
     assert (normal.support.clusters, normal.voting) == (8, None)
     assert (fine.support.clusters, fine.voting) == (16, Voting())
     assert AdaptiveWeightMatcher.lite().support.clusters == 4
+    assert (normal.smoothing_px, AdaptiveWeightMatcher.floors().smoothing_px) == (0.0, 1.3)

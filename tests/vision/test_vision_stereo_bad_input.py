@@ -17,7 +17,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rendered_pairs import MOUNT, RIG, TILT
 
-from robot.vision.stereo import Disparity, FloorAlignedMatcher, AdaptiveWeightMatcher
+from robot.vision.stereo import AdaptiveWeightMatcher, Disparity, FloorAlignedMatcher
 
 Matches = Callable[[np.ndarray, np.ndarray], Disparity]
 SEARCHED = 64

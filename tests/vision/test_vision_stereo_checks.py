@@ -151,6 +151,42 @@ def test_a_false_patch_is_not_measured_and_keeps_a_value_for_the_eye():
     assert (found.values[62:78, 222:238] == 25.0).all()
 
 
+def test_pictures_that_have_nothing_in_common_measure_nothing_whatever_the_eyes_chose():
+    left, right = scene(1)[:, :280], scene(2)[:, :280]
+    found = measured(left, right, np.full(left.shape, 9.0, np.float32), EVERYWHERE)
+    assert found.valid.mean() < 0.001
+
+
+def striped(amount):
+    """Strong horizontal stripes, alike in every column, and `amount` of texture along the rows."""
+    stripes = np.repeat(scene(4)[:, :1].astype(float), 400, axis=1)
+    return np.clip(stripes + amount * (scene(5).astype(float) - 125), 0, 255).astype(np.uint8)
+
+
+def test_stripes_along_the_rows_are_alike_everywhere_and_tell_no_disparity():
+    left = striped(0.0)[:, :280]
+    found = measured(left, left, np.full(left.shape, 9.0, np.float32), EVERYWHERE)
+    assert not found.valid.any(), "alike, but too uncertain"
+    assert (found.sigma_px > MAX_SIGMA_PX).all()
+
+
+def test_where_windows_look_alike_all_the_same_the_pictures_rim_still_counts():
+    wall = striped(0.1)
+    found = measured(wall[:, :280], wall[:, 20:300], np.full((120, 280), 20.0, np.float32), EVERYWHERE)
+    assert found.valid[:, 40:270].mean() > 0.9
+    assert not (found.valid & (found.values > np.arange(280))).any()
+
+
+def test_where_windows_look_alike_all_the_same_what_is_hidden_still_is():
+    wall = striped(0.1)
+    left, right = wall[:, :280].copy(), wall[:, 6:286].copy()
+    left[:, 150:] = right[:, 130:260] = wall[:, 200:330]
+    truth = np.where(np.arange(280) < 150, 6.0, 20.0) * np.ones((120, 1))
+    found = measured(left, right, truth.astype(np.float32), EVERYWHERE)
+    assert found.valid[:, 40:125].mean() > 0.9, "the wall beside it is measured"
+    assert not found.valid[:, 138:149].any(), "columns 136 + 1 slack to 149 of the wall"
+
+
 def test_disparity_zero_is_infinitely_far_and_no_measurement():
     left = scene(3)[:, :280]
     found = measured(left, left, np.zeros(left.shape, np.float32), EVERYWHERE)

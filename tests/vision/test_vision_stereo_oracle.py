@@ -5,9 +5,9 @@ from functools import cache
 
 import numpy as np
 import pytest
+from grid_stages import GridStages
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from grid_stages import GridStages
 from layered_scenes import TEXTURED_SCENES, Layer, Scene, cast
 from stereo_oracle import (
     Match,

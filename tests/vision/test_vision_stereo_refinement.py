@@ -244,3 +244,12 @@ def test_eyes_that_expose_differently_are_fitted_alike(gain):
     found = fit(left, darker, np.full(SHAPE, 10.2, np.float32))
     assert found.good[INNER].mean() > 0.99
     assert np.median(np.abs(found.values[INNER] - 10.4)) < 0.05
+
+
+def test_what_counts_as_a_match_is_the_windows_to_say():
+    left, right = pair_at(10.0, noise=8.0, contrast=6.0)
+    coarse = np.full(SHAPE, 10.0, np.float32)
+    strict, normal, mild = (
+        fit(left, right, coarse, Window(least_correlation=least)).good.mean() for least in (0.95, 0.8, 0.3)
+    )
+    assert strict < 0.05 < normal < 0.9 < mild
