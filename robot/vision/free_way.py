@@ -146,7 +146,7 @@ class FreeWayFinder:
         safe = (
             min(found.room, proven_room(air, plan, found, 0.5 * width)) >= needed
             and found.top >= SEEN_HEIGHT_SHARE * height
-            and floor_reaches(floor, found.bearing, found.distance, width)
+            and floor_reaches(floor, found.bearing, found.distance + 0.5 * width, width)
         )
         radius_px = 0.5 * found.width * camera.fx / depth
         return Passage(
