@@ -40,7 +40,7 @@ __all__ = [
 
 COST = MatchingCost()
 NORMAL, FINE, HALVED = Support(), Support(clusters=16), Support(clusters=4)
-EVEN, WIDE_WINDOW = Support(clusters=4, sigma=2.5), Window(half_side_px=11, least_correlation=0.7)
+EVEN, WIDE_WINDOW = Support(clusters=4, sigma=2.5), Window(11, 2, 0.7, noise_correlation=20.0)
 MOST_SMOOTHING_PX = 3.0
 LAST_LEVELS = 1.5
 """What is matched to the search's very end may well lie beyond it."""
@@ -179,6 +179,8 @@ class HalvedMatcher:
 
 def checked(disparities: int) -> int:
     """The number of disparities. Raises ValueError if it is odd or out of range."""
+    if not isinstance(disparities, int):
+        raise ValueError(f"disparities must be a whole number, got {disparities!r}")
     if disparities % 2 or not LEAST_DISPARITIES <= disparities <= MOST_DISPARITIES:
         raise ValueError(
             f"disparities must be even, {LEAST_DISPARITIES} to {MOST_DISPARITIES}, got {disparities}"

@@ -46,6 +46,15 @@ class Support:
     tail: float = 0.03
     tail_sigma: float = 24.0
 
+    def __post_init__(self) -> None:
+        if self.clusters not in (2, 4, 8, 16, 32):
+            raise ValueError(f"clusters must be 2, 4, 8, 16 or 32, got {self.clusters}")
+        if self.cell < 1 or self.sigma <= 0.0 or self.tail_sigma <= 0.0 or self.tail < 0.0:
+            raise ValueError(
+                "cell, sigma and tail_sigma must be positive, tail not negative, "
+                f"got {self.cell}, {self.sigma}, {self.tail_sigma}, {self.tail}"
+            )
+
 
 def sample_intensities(grey: Image, count: int) -> Floats:
     """(count,) ascending sample intensities m_n: means of halves of halves of the grey values.
@@ -106,7 +115,7 @@ def aggregate(levels: Planes, guide: Image, support: Support) -> Floats:
     flat = out.reshape(count, height * width)
     # (einsum sums short axes ten times as fast as sum.)
     gathered = smoothed(np.einsum("yxnp->yxn", weights)[..., None], support)
-    share /= np.maximum(np.matmul(share, gathered), EMPTY)
+    share = share / np.maximum(np.matmul(share, gathered), EMPTY)
     for piece in np.array_split(levels, math.ceil(count / MOST_AT_ONCE)):
         costs = by_cells(cv2.transpose(piece.reshape(len(piece), -1)).reshape(height, width, -1), cell)
         mixed = np.matmul(share, smoothed(np.matmul(weights, costs), support))

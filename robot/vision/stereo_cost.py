@@ -34,6 +34,13 @@ class MatchingCost:
     gradient_limit: int = 15
     gradient_gain: float = 6.0
 
+    def __post_init__(self) -> None:
+        if min(self.intensity_limit, self.gradient_limit) < 0 or not 0 < self.largest <= 255:
+            raise ValueError(
+                "the limits must not be negative and sum up (the gradient's twice) to 1 to 255, "
+                f"got {self.intensity_limit} and {self.gradient_limit}"
+            )
+
     @property
     def largest(self) -> int:
         """Cost of pixels that have nothing in common."""

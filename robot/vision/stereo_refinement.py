@@ -34,8 +34,6 @@ LARGEST_CORRECTION_PX = 1.0
 """A fit that leads farther away has found something else."""
 LEAST_RESIDUAL = np.float32(0.05)
 """Grey levels squared: rounding to whole grey levels is left in every picture."""
-NOISE_CORRELATION = 10.0
-"""Neighbouring pixels err together, by lens, smoothing and interpolation: so many count as one."""
 SIGMA_FLOOR_PX = 0.06
 """What no fit can know: calibration, slanted and curved surfaces."""
 JUMP = 0.5
@@ -47,12 +45,20 @@ class Window:
     """Of the least-squares fit: its half side in pixels (odd), the number of steps, and what is a match.
 
     Windows less alike than `least_correlation` are none: with windows of 14 px one value in nine between 0.7
-    and 0.8 was more than 2 px off. Larger windows are alike by chance less often.
+    and 0.8 was more than 2 px off. Larger windows are alike by chance less often. Neighbouring pixels err
+    together, by lens, smoothing and interpolation: `noise_correlation` of them count as one.
     """
 
     half_side_px: int = 7
     steps: int = 2
     least_correlation: float = 0.8
+    noise_correlation: float = 10.0
+
+    def __post_init__(self) -> None:
+        if self.half_side_px < 1 or self.half_side_px % 2 == 0 or self.steps < 1:
+            raise ValueError(
+                f"half_side_px must be odd and steps 1 or more, got {self.half_side_px}, {self.steps}"
+            )
 
 
 WINDOW = Window()
@@ -162,7 +168,7 @@ def fit(left: Image, right: Image, coarse: Floats, window: Window = WINDOW) -> F
     both = means.of(level_left, warped)
     correlation = both / np.sqrt(own * other + np.float32(1e-3))
     residual = np.maximum(own + other - 2.0 * both - step * slope, LEAST_RESIDUAL)
-    information = np.float32(means.pixels / NOISE_CORRELATION) * np.maximum(energy, np.float32(1e-6))
+    information = np.float32(means.pixels / window.noise_correlation) * np.maximum(energy, np.float32(1e-6))
     sigma = means.enlarged(np.sqrt(np.float32(SIGMA_FLOOR_PX**2) + residual / information))
     good = means.enlarged(correlation) > window.least_correlation
     good &= cv2.absdiff(values, coarse) <= LARGEST_CORRECTION_PX

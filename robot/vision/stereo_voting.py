@@ -41,6 +41,10 @@ class Voting:
     support: Support = SUPPORT
     filled_weight: float = 0.1
 
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.filled_weight <= 1.0:
+            raise ValueError(f"filled_weight must be 0 to 1, got {self.filled_weight}")
+
 
 def vote(levels: Floats, stable: Mask, guide: Image, count: int, voting: Voting) -> Floats:
     """Levels (h, w) float32 most voted for among each pixel's neighbours.

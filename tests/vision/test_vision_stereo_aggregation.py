@@ -103,9 +103,6 @@ def test_the_product_of_the_defaults_is_the_literal_form_on_well_parted_greys():
     )
 
 
-@pytest.mark.xfail(
-    strict=True, reason="the shares are divided in place, and the cells' weights are a view of them"
-)
 def test_cells_of_a_single_pixel_are_cells_too():
     levels, guide = volume(3, 6, 7, 1, 4)
     assert aggregate(levels, guide, Support(cell=1)) == pytest.approx(

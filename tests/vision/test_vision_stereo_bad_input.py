@@ -40,18 +40,7 @@ MATCHERS: dict[str, Callable[[int], Matches]] = {
 }
 """How each matcher is made for a number of disparities (a multiple of 16) that it searches from 0 on."""
 
-STAND_INS: tuple[str, ...] = ()
-"""Matchers that are known not to hold all of this; they are to do so or to go."""
-
 ALL = pytest.mark.parametrize("name", MATCHERS)
-
-
-def all_but(weakness: str) -> pytest.MarkDecorator:
-    """All matchers, the stand-ins excused: `weakness` says what they do."""
-    excused = pytest.mark.xfail(reason=f"stand-in: {weakness}", strict=False)
-    return pytest.mark.parametrize(
-        "name", [pytest.param(name, marks=excused) if name in STAND_INS else name for name in MATCHERS]
-    )
 
 
 @cache
@@ -95,7 +84,7 @@ REFUSED = {
 }
 
 
-@all_but("OpenCV's own errors for wrong types and empty pictures")
+@ALL
 @pytest.mark.parametrize("case", REFUSED)
 def test_what_is_no_pair_is_refused_in_words(name: str, case: str) -> None:
     left, right, words = REFUSED[case]
@@ -157,7 +146,7 @@ def test_a_covered_lens_measures_nothing(name: str, covered: str, level: int, no
 # --------------------------------------------------------------------------------------- sizes, small ones
 
 
-@all_but("OpenCV's own error for one row or column")
+@ALL
 @settings(max_examples=25, deadline=None, derandomize=True)
 @given(height=st.integers(1, 70), width=st.integers(1, 150), seed=st.integers(0, 9))
 def test_any_size_gives_a_proper_map(name: str, height: int, width: int, seed: int) -> None:
@@ -167,7 +156,7 @@ def test_any_size_gives_a_proper_map(name: str, height: int, width: int, seed: i
     assert found.valid.sum() < 30 or (np.abs(found.values - 9.0)[found.valid] < 3.0).mean() > 0.9
 
 
-@all_but("OpenCV's own error for one row or column")
+@ALL
 @pytest.mark.parametrize("shape", [(1, 1), (1, 200), (200, 1), (2, 2), (3, 90), (90, 3), (1, 2)])
 def test_a_thread_of_pixels_measures_nothing(name: str, shape: tuple[int, int]) -> None:
     left, right = (eye[:90, :200] for eye in textured(9.0))
@@ -248,7 +237,7 @@ def valid_far(found: Disparity, left: np.ndarray, truth: np.ndarray | float) -> 
     return float((found.valid & (truth - found.values > 2.0)).mean())
 
 
-@all_but("chance matches, up to 12 % of the pixels beyond twice the search")
+@ALL
 @pytest.mark.parametrize("times", NEARER)
 @pytest.mark.parametrize("grain_px", [1.0, 2.0, 5.0])
 def test_a_surface_nearer_than_the_search_is_never_far(name: str, times: float, grain_px: float) -> None:
@@ -258,7 +247,7 @@ def test_a_surface_nearer_than_the_search_is_never_far(name: str, times: float, 
         assert valid_far(matcher(name)(left, right), left, disparity) <= MOST_WRONG
 
 
-@all_but("chance matches, up to 6 % of the pixels")
+@ALL
 @pytest.mark.parametrize("slant", [-0.3, 0.3])
 @pytest.mark.parametrize("times", [1.6, 2.5, 4.0])
 def test_a_slanted_surface_nearer_than_the_search_is_never_far(name: str, times: float, slant: float) -> None:
@@ -283,7 +272,7 @@ def hand_before_a_wall(disparity: float, seed: int = 0) -> tuple[np.ndarray, np.
     return left, right, truth
 
 
-@all_but("chance matches, up to 3 % of the pixels")
+@ALL
 @pytest.mark.parametrize("disparity", [70, 90, 120, 160, 230, 300])
 def test_a_thing_nearer_than_the_search_is_never_the_wall_behind_it(name: str, disparity: int) -> None:
     left, right, truth = hand_before_a_wall(float(disparity))
@@ -302,7 +291,7 @@ def test_a_thing_nearer_than_the_search_is_never_the_wall_behind_it(name: str, d
 # ---------------------------------------------------------------------------------------- exchanged eyes
 
 
-@all_but("chance matches, up to 11 % of the pixels")
+@ALL
 @pytest.mark.parametrize("disparity", [4.0, 12.0, 30.0, 60.0, 100.0])
 def test_exchanged_eyes_are_not_measured(name: str, disparity: float) -> None:
     left, right = textured(disparity, grain_px=2.0)

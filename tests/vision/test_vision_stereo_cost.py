@@ -122,7 +122,7 @@ def test_intensity_and_gradient_are_cut_off_at_their_own_limits():
 def test_a_vertical_gradient_counts_as_a_horizontal_one_does():
     step = np.repeat(np.array([[100, 100, 100, 104, 104, 104]], np.uint8), 6, axis=0)
     flat = np.full((6, 6), 100, np.uint8)
-    only_gradient = MatchingCost(intensity_limit=0, gradient_limit=200, gradient_gain=2.0)
+    only_gradient = MatchingCost(intensity_limit=0, gradient_limit=100, gradient_gain=2.0)
     across = row_pooled_cost(step, flat, 2, only_gradient)[0]
     down = row_pooled_cost(np.ascontiguousarray(step.T), flat, 2, only_gradient)[0]
     assert across[1].tolist() == [0, 0, 4, 4, 0, 0]
