@@ -56,15 +56,20 @@ class VisionSchedule:
         return Budget(rates, any(rates[name] < self._wanted_hz[name] for name in plans))
 
     def due(self, active: Sequence[str], rates_hz: Mapping[str, float], now: float) -> list[str]:
-        """The most overdue stages, as many as fit into one tick (the first always does); the track first."""
+        """The most overdue stages, as many as fit into one tick (the first always does); the track first.
+
+        Where the track is due, the others leave room for it: a late health check must not cost it a picture.
+        """
         lateness = {name: (now - self._last_start.get(name, -10.0)) * rates_hz[name] for name in active}
         due = sorted(
             (name for name in active if lateness[name] > DUE), key=lambda name: -round(lateness[name], 3)
         )
         chosen: list[str] = []
         spent = 0.0
+        reserved = self._costs[URGENT] if URGENT in due else 0.0
         for name in due:
-            if not chosen or spent + self._costs[name] <= BATCH_BUDGET:
+            reserved = 0.0 if name == URGENT else reserved
+            if not chosen or spent + self._costs[name] <= BATCH_BUDGET - reserved:
                 chosen.append(name)
                 spent += self._costs[name]
         # What follows the target decides the very next command; the rest of the batch may come after it.

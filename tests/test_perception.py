@@ -31,7 +31,7 @@ from robot.perception import HANDS_WIDTH, SEED_LIFE, STAGES, Perception
 from robot.vision.egomotion import Looks
 from robot.vision.pair_check import PairCheck
 from robot.vision.textures import texture
-from robot.vision_schedule import BATCH_BUDGET
+from robot.vision_schedule import BATCH_BUDGET, VisionSchedule
 from robot.workers import Job, Result, run
 
 TICK = 0.04
@@ -163,6 +163,19 @@ def test_what_is_not_wanted_does_not_run_but_the_guards_needs_always_do() -> Non
     assert set(Bench().drive(2.0, NONE, COSTS)) == {"free_space", "motion", "health"}
     assert "recognize" in Bench().drive(2.0, SEARCHING, COSTS)
     assert "track" not in Bench().drive(2.0, SEARCHING, COSTS)
+
+
+def test_a_late_health_check_does_not_cost_the_track_a_picture() -> None:
+    """Floor, health and track together are longer than a tick: of these, health waits."""
+    together = sum(COSTS[name] for name in ("free_space", "health", "track"))
+    assert together > BATCH_BUDGET >= COSTS["free_space"] + COSTS["track"], "this is what the test is about"
+    plan = VisionSchedule(CONFIGURED, max_load=0.9)
+    rates = plan.budget(("track", "free_space", "health")).rates_hz
+    plan.begun(["track"], 0.96)
+    plan.begun(["free_space"], 0.8)
+    assert plan.due(("track", "free_space", "health"), rates, 1.0) == ["track", "health"], "health most overdue"
+    plan.begun(["track", "health"], 1.0)
+    assert plan.due(("track", "free_space", "health"), rates, 1.17) == ["track", "free_space"]
 
 
 def test_a_batch_fits_into_one_tick_or_is_a_single_stage() -> None:
