@@ -72,8 +72,6 @@ class Air:
     rays: Rays
     left: Floats
     right: Floats
-    guess_left: Floats
-    guess_right: Floats
     foot: Floats
     focal_baseline: float
 
@@ -101,16 +99,8 @@ def carve(
     every, valid, sure = _upright(disparity, rig, picked, forward, rays)
     surface = np.where(valid, every, np.float32(0.0))
     left = specks_closed(continued(surface, np.float32(focal_baseline) / every, sure, FRINGE_PX))
-    guess = np.where(left > 0.0, left, np.where(sure, every, np.float32(0.0)))
-    return Air(
-        rays,
-        left,
-        by_right_eye(left, focal_baseline),
-        guess,
-        by_right_eye(guess, focal_baseline),
-        _feet(left, rays, heights[0]),
-        focal_baseline,
-    )
+    right = by_right_eye(left, focal_baseline)
+    return Air(rays, left, right, _feet(left, rays, heights[0]), focal_baseline)
 
 
 def by_right_eye(left: Floats, focal_baseline: float) -> Floats:

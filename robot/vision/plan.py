@@ -24,8 +24,8 @@ Vector = NDArray[np.float64]
 NEAREST, FARTHEST = 0.2, 2.2
 RING_RATIO = 1.02
 """Each ring lies so much farther than the one before."""
-MEASURED_SHARE, EMPTY_SHARE = 0.35, 0.9
-"""Of the rays that cross the body's heights so many must be measured to go on, and so many go on at all."""
+EMPTY_SHARE = 0.9
+"""Of the rays that cross the body's heights so many must be measured to go on."""
 HANGING_ROWS = 5
 """So many unproven rows (looked at) between proven ones may be a hanging edge: a board 3 cm thick at 1 m."""
 STANDING_ROWS = 3
@@ -100,8 +100,8 @@ def _places(eye: Vector, pan: float, tangents: Vector, distances: Vector) -> Vec
 def proven(air: Air, distance: float) -> Mask:
     """Directions (K,) in which the air at this forward distance is proven empty by one eye or the other.
 
-    A good share of the rays must be measured to go on, and nearly all by the matcher's sure guesses too, for
-    far walls are often bare. Where too little is measured, or what is not may hang there, nothing is proven.
+    Nearly all of the rays must be measured to go on, and none of the others may be the edge of a board that
+    hangs there.
     """
     rays = air.rays
     rows = np.flatnonzero((rays.enters <= distance) & (distance < rays.leaves))
@@ -110,8 +110,7 @@ def proven(air: Air, distance: float) -> Mask:
     shift = round(air.focal_baseline / distance)
     above = np.arange(rows[-1] + 1)
     measured = _passing(air.left[above], air.right[above], distance, shift)
-    guessed = _passing(air.guess_left[rows], air.guess_right[rows], distance, shift)
-    found: Mask = (measured[rows].mean(axis=0) >= MEASURED_SHARE) & (guessed.mean(axis=0) >= EMPTY_SHARE)
+    found: Mask = measured[rows].mean(axis=0) >= EMPTY_SHARE
     found &= _hanging(measured, int(rows[0])) < HANGING_ROWS
     return found
 
@@ -128,7 +127,7 @@ def _passing(left: Floats, right: Floats, distance: float, shift: int) -> Mask:
 def _hanging(passing: Mask, first: int) -> Index:
     """The longest run of rows from `first` on, of each direction (K,), that is unproven between proven ones.
 
-    A bare board's edge hangs so in a picture, floor seen below it and a wall above: no guess may pass it.
+    A bare board's edge hangs so in a picture, floor seen below it and a wall above.
     """
     rows = np.arange(len(passing))[:, None]
     above = np.maximum.accumulate(np.where(passing, rows, -1), axis=0)

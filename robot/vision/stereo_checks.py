@@ -37,7 +37,7 @@ def measured(left: Image, right: Image, coarse: Floats, stable: Mask, window: Wi
     coarse_valid = _on_surfaces(values[::2, ::2], valid[::2, ::2])
     coarse_valid &= ~_hidden(columns[::2] - values[::2, ::2], coarse_valid)
     valid &= doubled(coarse_valid.view(np.uint8)).view(np.bool_)[: left.shape[0], : left.shape[1]]
-    return Disparity(values, valid, found.sigma_px)
+    return Disparity(values, valid, np.where(valid, found.sigma_px, np.float32(np.inf)))
 
 
 def _torn(values: Floats) -> Mask:
