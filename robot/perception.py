@@ -36,8 +36,7 @@ from robot.target import TargetFollower, TargetSight
 from robot.target_range import TargetRanger
 from robot.vision import health, misrectified
 from robot.vision.egomotion import EgoMotionEstimator, Looks
-from robot.vision.free_way import FreeWayFinder, WayLimits
-from robot.vision.freespace import FloorLimits
+from robot.vision.free_way import FreeWayFinder
 from robot.vision.misrectified import Rectification
 from robot.vision.pair_check import PairCheck, check_pair
 from robot.vision.section import BoxSection
@@ -79,7 +78,7 @@ class Perception:
             mount,
             BoxSection(2.0 * config.base.radius_m, config.base.body_height_m),
             AdaptiveWeightMatcher.floors(config.vision.disparities),
-            WayLimits(FloorLimits(config.safety.step_height_m, config.base.body_height_m)),
+            config.safety.step_height_m,
         )
         ranger = TargetRanger(rig, mount, height_m)
         self._looker = Looker(rig, recognizer, ranger)

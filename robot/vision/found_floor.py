@@ -45,9 +45,9 @@ def find_floor(disparity: Disparity, rig: StereoRig) -> FoundFloor | None:
     >>> round(floor.height, 3), round(floor.tilt, 3)
     (0.25, 0.3)
     """
-    half = int(rig.left.cy)
+    half = max(int(rig.left.cy), 0)
     rows, columns = np.nonzero(disparity.valid[half:])
-    if len(rows) < LEAST_MEASURED * disparity.valid[half:].size:
+    if len(rows) < max(LEAST_MEASURED * disparity.valid[half:].size, 3):
         return None
     random = np.random.default_rng(SEED)
     chosen = random.permutation(len(rows))[:SAMPLE]

@@ -31,7 +31,7 @@ from robot.vision.carving import Air, carve
 from robot.vision.disparity import Disparity, Matcher
 from robot.vision.floor_aligned import FloorAlignedMatcher
 from robot.vision.freespace import FloorLimits
-from robot.vision.ground import find_obstacles
+from robot.vision.ground import GroundLimits, find_obstacles
 from robot.vision.opening import Opening, floor_reaches, proven_room, widest_opening
 from robot.vision.plan import Plan, ends, outline, standing_points
 from robot.vision.section import BoxSection, RoundSection
@@ -45,15 +45,8 @@ SEEN_HEIGHT_SHARE = 0.95
 FIRST_FLOOR_M = 0.3
 """Free floor begins within so much of the picture's lower edge."""
 LEAST_RADIUS_PX = 3.0
-FLOOR = FloorLimits()
-
-
-@dataclass(frozen=True, slots=True)
-class WayLimits:
-    """floor: what counts as floor; edge_sigma_px: standard deviation of where an opening's side is seen."""
-
-    floor: FloorLimits = FLOOR
-    edge_sigma_px: float = 1.5
+EDGE_SIGMA_PX = 1.5
+"""Of where an opening's side is seen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +72,8 @@ class FreeWayFinder:
         mount: where the head sits.
         section: what must pass.
         matcher: finds disparities of a rectified pair; see `robot.vision.disparity`.
-        limits: what counts as floor, and how well edges are seen.
+        step_height: metres; what stands up or falls away so much is an obstacle, to every witness;
+            a corner counts from half of it on.
 
     >>> from robot.vision.stereo import AdaptiveWeightMatcher
     >>> rig, section = StereoRig.parallel(352, 288, 305.0, 0.06), BoxSection(0.26, 0.32)
@@ -96,10 +90,11 @@ class FreeWayFinder:
         mount: HeadMount,
         section: BoxSection,
         matcher: Matcher,
-        limits: WayLimits | None = None,
+        step_height: float = 0.03,
     ) -> None:
         self._rig, self._mount, self._section = rig, mount, section
-        self._limits = limits or WayLimits()
+        self._floor = FloorLimits(step_height, section.height)
+        self._ground = GroundLimits(step_height, section.height)
         self._matcher = FloorAlignedMatcher(matcher, rig, mount)
 
     def __call__(self, left: Image, right: Image, pan: float, tilt: float) -> FreeSpace:
@@ -108,12 +103,12 @@ class FreeWayFinder:
         Raises:
             ValueError: pictures that are no pair, or not of the rig's size.
         """
-        corners = find_obstacles(left, right, self._rig, self._mount, pan, tilt).points
+        corners = find_obstacles(left, right, self._rig, self._mount, pan, tilt, self._ground).points
         return self.joined(self._matcher(left, right, pan, tilt), corners, pan, tilt)
 
     def joined(self, disparity: Disparity, corners: Points, pan: float, tilt: float) -> FreeSpace:
         """The answer from what was measured: the left picture's disparities, points (N, 3) off the ground."""
-        rig, mount, floor_limits = self._rig, self._mount, self._limits.floor
+        rig, mount, floor_limits = self._rig, self._mount, self._floor
         look = freespace.looked(disparity, rig, mount, pan, tilt, floor_limits)
         floor = freespace.from_look(look, rig, mount, floor_limits)
         floor = sectors.merge(sectors.merge(floor, floor.obstacles), corners)
@@ -156,7 +151,7 @@ class FreeWayFinder:
     def _sigmas(self, found: Opening, depth: float) -> tuple[float, float]:
         """Standard deviations of the opening's width and of its distance, metres."""
         share = RANGE_SIGMA_PX * depth / (self._rig.left.fx * self._rig.baseline)
-        edges = math.sqrt(2.0) * self._limits.edge_sigma_px * depth / self._rig.left.fx
+        edges = math.sqrt(2.0) * EDGE_SIGMA_PX * depth / self._rig.left.fx
         return math.hypot(edges, found.width * share), depth * share
 
 

@@ -17,11 +17,11 @@ def exact_map(pair: Pair, rig: StereoRig, sigma_px: float = 0.1) -> Disparity:
     columns = np.arange(values.shape[1], dtype=np.float32) - values
     least = np.minimum.accumulate(columns[:, ::-1], axis=1)[:, ::-1]
     valid = (columns <= least + SLACK_PX) & (columns >= 0.0)
-    return Disparity(values, valid, np.full_like(values, sigma_px))
+    return Disparity(values, valid, np.where(valid, np.float32(sigma_px), np.float32(np.inf)))
 
 
 def without(found: Disparity, holes: np.ndarray) -> Disparity:
     """The same map with the pixels of `holes` (H, W) not measured, and nothing sensible guessed there."""
     values = np.where(holes, np.float32(0.0), found.values)
-    sigma = np.where(holes, np.float32(9.0), found.sigma_px)
+    sigma = np.where(holes, np.float32(np.inf), found.sigma_px)
     return Disparity(values, found.valid & ~holes, sigma)

@@ -128,6 +128,37 @@ def test_unmeasured_floor_before_a_gap_makes_it_unsafe():
     assert passage is None or not passage.safe
 
 
+def test_a_gap_of_empty_air_is_not_safe_where_the_floor_before_it_ends():
+    """The dense map sees nothing there; a corner of the other witness ends the floor (rule 5)."""
+    found = exact(gap_room(0.45, 1.1))
+    assert look(found).passage.safe
+    passage = FINDER.joined(found, np.array([[0.75, 0.0, 0.05]]), 0.0, LEVEL).passage
+    assert passage is not None
+    assert not passage.safe
+
+
+def test_the_step_height_given_is_every_witness_s():
+    """A sill of 4 cm stops a robot that climbs 3 cm, in the cells and by its corners, and none that climbs 9:
+    corners speak from half the step's height on, for a step is seen halfway up its front."""
+    pair = render(Room((Block(0.8, 0.0, 0.1, 6.0, 0.04),)), tilt=LEVEL, samples=2)
+    climber = FreeWayFinder(RIG, MOUNT, BODY, AdaptiveWeightMatcher.floors(64), step_height=0.09)
+    low, high = (finder(pair.left, pair.right, 0.0, LEVEL) for finder in (climber, FINDER))
+    ahead = int(np.abs(high.bearings).argmin())
+    assert high.free[ahead] < 0.85
+    assert (np.hypot(*high.obstacles.T) < 1.2).any()
+    assert not (np.hypot(*low.obstacles.T) < 1.2).any()
+
+
+def test_a_post_nobody_measured_ends_its_sector():
+    """Its pixels say nothing; that the floor goes on to both sides but not there says enough (rule 2)."""
+    post = exact(Room((Block(1.0, 0.0, 0.06, 0.06, 0.8),)))
+    nearer = post.values > exact(Room()).values + 1.0
+    grown = np.roll(nearer, 3, axis=1) | nearer | np.roll(nearer, -3, axis=1)
+    free = look(without(post, grown))
+    assert free.free[int(np.abs(free.bearings).argmin())] < 1.05
+    assert free.free[np.abs(np.abs(free.bearings) - math.radians(15)).argmin()] > 1.6
+
+
 def test_a_sill_ends_the_sectors_before_it_and_unknown_floor_beyond_is_not_free():
     free = look(exact(Room((Block(0.75, 0.0, 0.1, 6.0, 0.04),))))
     seen = free.free > free.near
