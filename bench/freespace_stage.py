@@ -17,6 +17,7 @@ from robot.sim.builder import EYE_SEES, ROOM_GROUP
 from robot.sim.cameras import EyeSettings, SimStereoCamera
 from robot.sim.eye_renderer import EyeRenderer
 from robot.sim.gl import mujoco
+from robot.sim.lights import add_lights
 from robot.sim.meshes import WHOLE, Mesh, Rect, clad, cylinder, join, quad
 from robot.sim.textures import Picture
 from robot.sim.world import LAMP_DIFFUSE
@@ -105,7 +106,9 @@ def _model(world: World, width: int, height: int, rng: np.random.Generator) -> m
     ):
         mesh = _pierced(world.truth.plate, world.plate_surface.metres)
         _drawn(spec, "plate", mesh, paints.of(world.plate_surface))
-    _lights(spec, world, rng)
+    room = world.room
+    # As the scenes are lit.
+    add_lights(spec, (room.back, room.front), 2.0 * room.half, room.top, world.light, rng)
     for eye in ("left", "right"):
         spec.worldbody.add_camera(name=eye)
     return spec.compile()
@@ -268,28 +271,3 @@ def _lattice(plate: Plate, flat: Array, depth: Array, metres: float) -> Mesh:
         faces = faces[:, ::-1]
     uv = (np.stack([-flat[..., 0], -flat[..., 1] + depth], axis=-1) / metres).reshape(-1, 2)
     return Mesh(points.reshape(-1, 3), normals, uv, np.ascontiguousarray(faces, np.int32))
-
-
-def _lights(spec: mujoco.MjSpec, world: World, rng: np.random.Generator) -> None:
-    """As the scenes are lit: ambient light, two ceiling lamps, daylight from one side, the robot's lamp."""
-    room, level = world.room, world.light
-    warm = np.array([1.0, rng.uniform(0.9, 1.0), rng.uniform(0.8, 1.0)])
-    spec.visual.headlight.active = 1
-    spec.visual.headlight.ambient = 0.5 * level * warm
-    spec.visual.headlight.diffuse = spec.visual.headlight.specular = np.zeros(3)
-    dark = {"castshadow": False, "specular": np.zeros(3), "ambient": np.zeros(3)}
-    for k, share in enumerate((0.28, 0.75)):
-        x = room.back + share * (room.front - room.back)
-        spec.worldbody.add_light(
-            name=f"ceiling{k}", type=mujoco.mjtLightType.mjLIGHT_POINT, attenuation=[1.0, 0.0, 0.06],
-            pos=[x, rng.uniform(-0.5, 0.5) * room.half, room.top - 0.15], diffuse=0.58 * level * warm, **dark,
-        )  # fmt: skip
-    side = rng.uniform(0, math.tau)
-    spec.worldbody.add_light(
-        name="daylight", type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
-        dir=[math.cos(side), math.sin(side), -0.6], diffuse=np.array([0.26, 0.27, 0.28]) * level, **dark,
-    )  # fmt: skip
-    spec.worldbody.add_light(
-        name="lamp", type=mujoco.mjtLightType.mjLIGHT_SPOT, cutoff=65.0, exponent=6.0,
-        attenuation=[0.8, 0.0, 0.16], diffuse=np.zeros(3), **dark,
-    )  # fmt: skip

@@ -159,13 +159,17 @@ def _way_words(passage: Passage | None) -> str:
     wide = f"way: {passage.diameter:.2f} +- {passage.sigma_diameter:.2f} m wide"
     x, y, _ = passage.position
     there = f"at {math.hypot(x, y):.2f} m, bearing {math.degrees(math.atan2(y, x)):+.1f} degrees"
-    return f"{wide} {there}; {body} {'fits' if passage.safe else 'is not sure to fit'}"
+    if passage.safe:
+        return f"{wide} {there}; {body} fits"
+    if passage.diameter < BODY.width:
+        return f"{wide} {there}; too narrow for {body}"
+    return f"{wide} {there}; not safe for {body}: not all of its way is seen to be free"
 
 
 def _passage_words(found: Look) -> str:
     passage = found.passage
     if passage is None:
-        return f"free passage: none (nothing seen farther than {found.beyond:.2f} m)"
+        return f"free passage: none seen beyond {found.beyond:.2f} m"
     x, y, _ = passage.position
     return (
         f"free passage: {passage.diameter:.2f} m wide beyond {found.beyond:.2f} m, circle at "

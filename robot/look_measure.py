@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.model import HeadMount, StereoRig
 from calib.rectify import Rectifier, rectifier
+from robot.config import Base
 from robot.errors import UserError
 from robot.messages import Box, Detection, FreeSpace, Image, Passage
 from robot.vision import passage
@@ -30,7 +30,7 @@ PASSAGE_BEYOND_M = 1.5
 """What is farther is free to go, as far as the picture can tell; raised where everything is farther."""
 CALIBRATION_SIGMA_PX = 0.15
 """What the calibration of a real pair leaves in the disparities; no single match can see it."""
-BODY = BoxSection(0.26, 0.32)
+BODY = BoxSection(2.0 * Base().radius_m, Base().body_height_m)
 """What is asked to pass: the robot on wheels as its config describes it by default."""
 MOST_ROLL = math.radians(4.0)
 """A camera held more aslant would take the floor's one side for a step."""
@@ -66,12 +66,13 @@ class Sight:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Look:
-    """Everything measured on a pair: rectified left picture, disparity, boxes, the passage beyond `beyond` m.
+    """Everything measured on a pair: rectified left picture, disparity, boxes, and where there is room to go.
 
-    rig is the rectified pair's; passage.position is in the left camera's axes turned to x forward, y left,
-    z up. floor: how the camera hangs over the floor, where one was found; ways: what stands on it and where a
-    base would pass, positions from the point of the floor under the middle of both eyes. complaint: what is
-    wrong with the pair, in one line.
+    rig is the rectified pair's. floor: how the camera hangs over the floor, where one was found; ways: what
+    stands on it and where a base would pass, positions from the point of the floor under the middle of both
+    eyes. passage: only where there are no ways, the largest hole beyond `beyond` metres; its position is in
+    the left camera's axes turned to x forward, y left, z up. complaint: what is wrong with the pair, in one
+    line.
     """
 
     picture: Image
@@ -88,7 +89,7 @@ class Look:
 def look(
     left: Image, right: Image, rig: StereoRig, box: Box | None = None, target: Finds | None = None
 ) -> Look:
-    """Measure a pair: the box if one is given, else every place the target is found at, and the free passage.
+    """Measure a pair: the box if one is given, else every place the target is found at, and the way ahead.
 
     left, right: (H, W, 3) BGR uint8 of the rig's size, as the cameras gave them; box in pixels of that left
     picture. Raises UserError for a box whose middle is outside and for exchanged pictures.
@@ -97,8 +98,8 @@ def look(
     flat_left, flat_right = straight(left, right)
     check = check_pair(flat_left, flat_right, straight.rig)
     wrong = complaint(check)
-    if check.swapped:
-        raise UserError(wrong or "left and right picture are exchanged: give LEFT first")
+    if wrong is not None and check.swapped:
+        raise UserError(wrong)
     marked = () if box is None else (Detection(_moved(box, straight), 1.0, ""),)
     found = marked if target is None else tuple(target.predict(flat_left))
     matcher = AdaptiveWeightMatcher.fine(searched_disparities(straight.rig))
@@ -109,17 +110,9 @@ def look(
     beyond = _beyond(disparity, straight.rig)
     wide = AdaptiveWeightMatcher.floors(matcher.disparities)
     floor = find_floor(wide(flat_left, flat_right), straight.rig)
-    return Look(
-        flat_left,
-        disparity,
-        straight.rig,
-        sights,
-        free_passage(disparity, straight.rig, beyond),
-        beyond,
-        floor,
-        None if floor is None else _ways(flat_left, flat_right, straight.rig, floor, wide),
-        wrong,
-    )
+    ways = None if floor is None else _ways(flat_left, flat_right, straight.rig, floor, wide)
+    hole = free_passage(disparity, straight.rig, beyond) if ways is None else None
+    return Look(flat_left, disparity, straight.rig, sights, hole, beyond, floor, ways, wrong)
 
 
 def mount_over(floor: FoundFloor, rig: StereoRig) -> HeadMount:
@@ -158,10 +151,7 @@ def free_passage(disparity: Disparity, rig: StereoRig, beyond: float) -> Passage
     [T] (METHODS 10): what was not measured is not free, and the picture's border blocks. Where the camera
     hangs is not known here, so the floor counts like anything else.
     """
-    free = passage.farther_than(disparity, rig, beyond)
-    # Single unmeasured pixels are the matcher's doubts, not obstacles.
-    closed = cv2.morphologyEx(free.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8)) > 0
-    free |= closed & ~disparity.valid
+    free = passage.doubts_opened(passage.farther_than(disparity, rig, beyond), disparity.valid)
     circle = passage.inscribed_circle(free)
     if circle is None or circle.radius_px < passage.MIN_RADIUS_PX:
         return None
@@ -199,9 +189,7 @@ def _beyond(disparity: Disparity, rig: StereoRig) -> float:
     z = depths(disparity, rig)
     known = z[np.isfinite(z)]
     nearest = float(np.percentile(known, 5.0)) if len(known) else 0.0
-    return (
-        max(PASSAGE_BEYOND_M, FOREGROUND_DEPTH * nearest) if nearest > PASSAGE_BEYOND_M else PASSAGE_BEYOND_M
-    )
+    return FOREGROUND_DEPTH * nearest if nearest > PASSAGE_BEYOND_M else PASSAGE_BEYOND_M
 
 
 def _moved(box: Box, straight: Rectifier) -> Box:

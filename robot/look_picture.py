@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot.look_measure import Look, Sight, depths, mount_over
-from robot.messages import Box, Image
+from robot.messages import Box, Image, Passage
 from robot.record import palette
 from robot.record.canvas import chip, corners, label, text, text_width
+from robot.record.gate import draw_gate, gate_of, label_gate
 
 LEAST_HEIGHT_PX = 480
 """Smaller pictures are enlarged by a whole factor, so that words stay small beside them."""
@@ -70,6 +71,10 @@ def _enlarged(image: Image, factor: int, interpolation: int) -> Image:
     return np.asarray(cv2.resize(image, size, interpolation=interpolation), dtype=np.uint8)
 
 
+def _enlarged_box(box: Box, factor: int) -> Box:
+    return Box(box.x * factor, box.y * factor, box.w * factor, box.h * factor)
+
+
 def _ground(height: int, width: int) -> Image:
     ground = np.empty((height, width, 3), dtype=np.uint8)
     ground[:] = palette.bgr(palette.INK)
@@ -110,20 +115,25 @@ def draw_obstacles(canvas: Image, found: Look, factor: int) -> None:
 
 def draw_passage(canvas: Image, found: Look, factor: int) -> None:
     """The way over the floor where that is known, else the largest hole in the picture."""
-    passage = found.passage if found.ways is None else found.ways.passage
-    if passage is None:
-        return
+    if found.ways is not None and found.ways.passage is not None:
+        gate = _enlarged_box(gate_of(found.ways.passage), factor)
+        draw_gate(canvas, gate, found.ways.passage)
+        label_gate(canvas, gate, found.ways.passage)
+    elif found.passage is not None:
+        _draw_hole(canvas, found.passage, factor)
+
+
+def _draw_hole(canvas: Image, passage: Passage, factor: int) -> None:
     u, v = (round((c + 0.5) * factor) for c in passage.centre)
     radius = max(round(passage.radius_px * factor), 1)
     for colour, thickness in (((0, 0, 0), 4), (palette.bgr(palette.PASSAGE), 2)):
         cv2.circle(canvas, (u, v), radius, colour, thickness, cv2.LINE_AA)
-    sure = "" if found.ways is None or passage.safe else ", not sure"
-    words = f"free {passage.diameter:.2f} m{sure}"
+    words = f"free {passage.diameter:.2f} m"
     label(canvas, words, (u - (text_width(words, size=0.36, bold=True) + 8) // 2, v + 7), palette.PASSAGE)
 
 
 def _draw_sight(canvas: Image, sight: Sight, factor: int) -> None:
-    box = Box(*(c * factor for c in (sight.box.x, sight.box.y, sight.box.w, sight.box.h)))
+    box = _enlarged_box(sight.box, factor)
     corners(canvas, box, palette.TARGET, thickness=2)
     centre = round(box.centre[0]), round(box.centre[1])
     cv2.drawMarker(canvas, centre, palette.bgr(palette.TARGET), cv2.MARKER_CROSS, 9, 1, cv2.LINE_AA)

@@ -234,10 +234,13 @@ class Track:
 class Passage:
     """The opening through which there is most room to go, and whether what must pass may.
 
-    centre and radius in pixels of the left picture; diameter in metres: of the largest circle that fits (the
-    hand), or of the largest upright cylinder of the body's height that fits, the opening's clear width (the
-    base); position of its centre in the robot frame (for a hand: as its finder says). sigma_diameter and
-    sigma_position: standard deviations in metres, infinite where nobody told them.
+    For a hand: the largest circle that is open in the plane before it; `diameter` is the circle's. For a
+    base: the opening between what stands beside its way, clear over the body's height; `diameter` is the
+    clear width of its narrowest place, that of the largest upright cylinder that passes.
+    centre: its middle (for a base at half the body's height), pixels of the left picture; radius_px: half the
+    diameter as the left eye sees it there; diameter in metres; position of the centre in the robot frame (for
+    a hand: as its finder says). sigma_diameter, sigma_position: standard deviations in metres, infinite where
+    nobody told them.
     safe: what must pass fits with its margin, and the way to the opening is free. Doubt means not safe.
     """
 
@@ -256,7 +259,7 @@ class FreeSpace:
 
     bearings (N,) ascending; near, free (N,): the floor was seen free from `near` to `free` metres along
     each bearing (free <= near: nothing seen free there). obstacles (M, 2): points that stand up from the
-    floor (or where it falls away). passage: the free-passage circle of the same picture, if any.
+    floor (or where it falls away). passage: the widest opening in the same picture, if any.
     """
 
     bearings: Points

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -127,9 +128,9 @@ def test_a_post_must_be_told_and_nothing_else() -> None:
     assert (far.reported, far.phantom) == (None, False)
 
 
-def verdict(**told: object) -> Verdict:
+def verdict(**told: Any) -> Verdict:
     plain = Verdict("narrow", 1, True, True, True, True, False, False, False, 0.01, 0.01, 1.0)
-    return replace(plain, **told)  # type: ignore[arg-type]
+    return replace(plain, **told)
 
 
 def holds(verdicts: list[Verdict]) -> dict[str, bool]:

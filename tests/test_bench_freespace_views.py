@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bench.freespace_hand_worlds import HAND_KINDS, draw_hand_world
 from bench.freespace_layout import World
-from bench.freespace_truth import BASE, HAND, FloorTruth, HandTruth
+from bench.freespace_truth import BASE, HAND, FloorTruth, HandTruth, Truth
 from bench.freespace_views import KINDS, FreeSpaceView, draw_view, view, views
 from bench.freespace_worlds import BASE_KINDS, draw_world
 
@@ -147,12 +147,18 @@ def test_an_opening_before_the_hand_is_open_and_as_wide_as_its_truth(seed: int) 
     assert not behind[outside].any()
 
 
+def may_pass(truth: Truth) -> bool:
+    return truth.may_pass(BASE) if isinstance(truth, FloorTruth) else truth.may_pass(HAND)
+
+
+def must_pass(truth: Truth) -> bool:
+    return truth.must_pass(BASE) if isinstance(truth, FloorTruth) else truth.must_pass(HAND)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_drawn_worlds_are_what_their_kind_says(kind: str) -> None:
     drawn = worlds(kind)
-    section = HAND if kind in HAND_KINDS else BASE
-    may = [w.truth.may_pass(section) for w in drawn]  # type: ignore[arg-type]
-    must = [w.truth.must_pass(section) for w in drawn]  # type: ignore[arg-type]
+    may, must = ([passes(w.truth) for w in drawn] for passes in (may_pass, must_pass))
     assert not any(m and not w for m, w in zip(must, may, strict=True))
     if kind in ("step_up", "stair_down", "hand_wall"):
         assert not any(may)

@@ -29,7 +29,8 @@ from robot.messages import (
     Twist,
 )
 from robot.record import palette
-from robot.record.canvas import chip, corners, label, text, text_width, wash
+from robot.record.canvas import chip, corners, text, text_width, wash
+from robot.record.gate import draw_gate, gate_of, label_gate
 from robot.record.projection import Eye, eyes
 
 T = TypeVar("T")
@@ -38,7 +39,7 @@ CAPTION_HEIGHT = 48
 """Pixels of the bar below the pictures."""
 
 TRACK_MAX_AGE_S = 0.5
-"""Older boxes, ranges and circles are not drawn: they would lie about the picture they are drawn on."""
+"""Older boxes, ranges and passages are not drawn: they would lie about the picture they are drawn on."""
 
 _OBSTACLE_NEAR_M, _OBSTACLE_FAR_M = 0.3, 2.0
 _CLOSEST_FLOOR_M = 0.2
@@ -191,13 +192,11 @@ def _draw_passage(canvas: Image, overlay: Overlay, rig: StereoRig, eye: Eye) -> 
     if passage is None:
         return
     shift = eye.column_shift(_passage_disparity(passage, rig, overlay.head, eye))
-    centre = round(passage.centre[0] + shift), round(passage.centre[1])
-    colour = palette.bgr(palette.PASSAGE)
-    cv2.circle(canvas, centre, max(round(passage.radius_px), 1), colour, 1, cv2.LINE_AA)
+    gate = gate_of(passage)
+    gate = Box(gate.x + shift, gate.y, gate.w, gate.h)
+    draw_gate(canvas, gate, passage)
     if eye.is_left:
-        cv2.drawMarker(canvas, centre, colour, cv2.MARKER_CROSS, 7, 1, cv2.LINE_AA)
-        below = min(centre[1] + round(passage.radius_px) + 16, canvas.shape[0] - 1)
-        label(canvas, f"{passage.diameter:.2f} m wide", (centre[0] - 32, below), palette.PASSAGE)
+        label_gate(canvas, gate, passage)
 
 
 def _passage_disparity(passage: Passage, rig: StereoRig, head: HeadPose, eye: Eye) -> float:

@@ -13,6 +13,7 @@ import numpy as np
 from robot.sim import textures
 from robot.sim.gl import mujoco
 from robot.sim.layout import Layout, Placed
+from robot.sim.lights import add_lights
 from robot.sim.meshes import WHOLE, Mesh, clad, cylinder, quad
 from robot.sim.motor import ROTOR_INERTIA
 from robot.sim.objects import SHAPES
@@ -47,7 +48,7 @@ def build_model(
     spec.stat.extent, spec.stat.center = 4.0, [layout.length / 2, 0.0, 0.5]
     spec.visual.map.znear, spec.visual.map.zfar = 0.006, 8.0
     _room(spec, layout, pictures)
-    _lights(spec, layout, rng)
+    add_lights(spec, (0.0, layout.length), layout.width, layout.height, layout.light, rng)
     for k, body in enumerate(layout.bodies):
         cover = _material(
             spec, f"cover{k}", textures.any_surface(rng, CLADDING_PX, CLADDING_PX, CLADDING_PX / CLADDING_M)
@@ -143,31 +144,6 @@ def _collider(
     body.add_geom(
         name=name, type=kind, size=size, group=COLLISION_GROUP, friction=[0.6, 0.005, 0.0001], **place
     )
-
-
-def _lights(spec: mujoco.MjSpec, layout: Layout, rng: np.random.Generator) -> None:
-    """Ambient light, two ceiling lamps, daylight from one side, and the robot's own lamp (off)."""
-    warm = np.array([1.0, rng.uniform(0.9, 1.0), rng.uniform(0.8, 1.0)])
-    level = layout.light
-    spec.visual.headlight.active = 1
-    spec.visual.headlight.ambient = 0.5 * level * warm
-    spec.visual.headlight.diffuse = spec.visual.headlight.specular = np.zeros(3)
-    dark = {"castshadow": False, "specular": np.zeros(3), "ambient": np.zeros(3)}
-    for k, share in enumerate((0.28, 0.75)):
-        spec.worldbody.add_light(
-            name=f"ceiling{k}", type=mujoco.mjtLightType.mjLIGHT_POINT, attenuation=[1.0, 0.0, 0.06],
-            pos=[share * layout.length, rng.uniform(-0.25, 0.25) * layout.width, layout.height - 0.15],
-            diffuse=0.58 * level * warm, **dark,
-        )  # fmt: skip
-    side = rng.uniform(0, math.tau)
-    spec.worldbody.add_light(
-        name="daylight", type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
-        dir=[math.cos(side), math.sin(side), -0.6], diffuse=np.array([0.26, 0.27, 0.28]) * level, **dark,
-    )  # fmt: skip
-    spec.worldbody.add_light(
-        name="lamp", type=mujoco.mjtLightType.mjLIGHT_SPOT, cutoff=65.0, exponent=6.0,
-        attenuation=[0.8, 0.0, 0.16], diffuse=np.zeros(3), **dark,
-    )  # fmt: skip
 
 
 def _obstacle(spec: mujoco.MjSpec, name: str, solid: Solid, material: str) -> None:

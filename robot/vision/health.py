@@ -1,17 +1,13 @@
-"""Can the picture be trusted? Cheap checks of every picture, and whether the eyes are exchanged.
+"""Can the picture be trusted? Cheap checks of every picture.
 
-In a parallel pair everything lies further to the right in the left picture: u_l - u_r >= 0 from the
-principal points. Exchanged eyes turn every sign. A range computed from such a pair is nonsense, so the test
-comes first. `robot.vision.pair_check` has this test and the one of the rows in one look.
+Whether the eyes are exchanged or a camera was bumped needs matches: see `robot.vision.pair_check`.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from calib.model import StereoRig
 from robot.messages import Image, StereoFrame
-from robot.vision.pair_check import check_pair
 
 BLACK_BELOW = 8
 """Grey level (0..255) that a lens cap's picture nowhere exceeds by more than single hot pixels."""
@@ -60,13 +56,3 @@ def _same(one: Image, other: Image) -> bool:
     if one.shape != other.shape or not np.array_equal(one[::GRID, ::GRID], other[::GRID, ::GRID]):
         return False
     return np.array_equal(one, other)
-
-
-def eyes_swapped(left: Image, right: Image, rig: StereoRig | None = None) -> bool:
-    """True if left and right eye are exchanged beyond doubt; False if they are not, or if it cannot be told.
-
-    left, right: rectified (H, W, 3) BGR or (H, W) grey uint8, equal in size; rig: the parallel rig they are
-    of, needed only if its principal points differ. Raises ValueError for pictures that are no such pair.
-    """
-    height, width = left.shape[:2]
-    return check_pair(left, right, rig or StereoRig.parallel(width, height, float(width), 0.06)).swapped

@@ -2,7 +2,8 @@
 
 Two circles: `inscribed_circle` is the true largest one (maximum of the distance transform), `centroid_circle`
 the published one about the region's centroid, which has none where the centroid lies outside the region.
-Source: [T] by METHODS 10; the metric scale by the nearest rim point and the floor taken out are ours.
+What must pass is a `section`; a base's way over the floor is found by `free_way`, a hand's by `hole`.
+Source: [T] by METHODS 10; the metric scale by the nearest rim point is ours.
 """
 
 from __future__ import annotations
@@ -14,10 +15,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.model import HeadMount, StereoRig
-from robot.messages import Passage
+from calib.model import StereoRig
 from robot.vision.disparity import Disparity
-from robot.vision.floor_aligned import floor_disparities
 from robot.vision.section import blocked_distance, largest_circle_px
 
 Mask = NDArray[np.bool_]
@@ -29,8 +28,6 @@ NOISE_PX = 3
 MIN_RADIUS_PX = 3.0
 CERTAIN = 6
 """Free pixels about an unmeasured one that make it free."""
-SPECK_PX = 60
-"""So few standing pixels are false matches."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,31 +50,6 @@ def farther_than(disparity: Disparity, rig: StereoRig, distance: float) -> Mask:
     """
     nearest = rig.left.fx * rig.baseline / distance
     return disparity.valid & (disparity.values + np.float32(rig.doffs) < nearest)
-
-
-def on_floor(
-    disparity: Disparity, rig: StereoRig, mount: HeadMount, pan: float, tilt: float, step_height: float = 0.03
-) -> Mask:
-    """Pixels (H, W) measured on the floor, up to `step_height` above or below it: wheels go there."""
-    floor = floor_disparities(rig, mount, pan, tilt, disparity.values.shape[0])[:, None] + np.float32(
-        rig.doffs
-    )
-    eye_height = float(mount.left_eye(pan, tilt)[1][2])
-    # h = eye height (1 - d_floor / d): a height is a ratio of disparities.
-    height = eye_height * (
-        1.0 - floor / np.maximum(disparity.values + np.float32(rig.doffs), np.float32(0.1))
-    )
-    near: Mask = (
-        disparity.valid
-        & (floor > 0)
-        & (np.abs(height) < step_height + 2.0 * _height_sigma(disparity, floor, eye_height))
-    )
-    return near
-
-
-def _height_sigma(disparity: Disparity, floor: NDArray[np.float32], eye_height: float) -> NDArray[np.float32]:
-    sigma = eye_height * disparity.sigma_px / np.maximum(floor, np.float32(1.0))
-    return sigma.astype(np.float32, copy=False)
 
 
 def doubts_opened(free: Mask, measured: Mask) -> Mask:
@@ -171,60 +143,6 @@ def centre_in_camera(circle: Circle, rim_px: float, rig: StereoRig) -> tuple[flo
     z = camera.fx * rig.baseline / rim_px
     u, v = circle.centre
     return z * (u - camera.cx) / camera.fx, z * (v - camera.cy) / camera.fy, z
-
-
-def fits(diameter: float, width: float, height: float) -> bool:
-    """True if a body of this width and height (metres) goes through a circle of this diameter in any roll.
-
-    >>> fits(0.26, 0.2, 0.15), fits(0.24, 0.2, 0.15)
-    (True, False)
-    """
-    return diameter > math.hypot(width, height)
-
-
-def free_passage(
-    disparity: Disparity, rig: StereoRig, mount: HeadMount, pan: float, tilt: float, beyond: float = 1.0
-) -> Passage | None:
-    """Where a robot on wheels could pass between what stands nearer than `beyond` metres.
-
-    The circle lies in the plane of the nearest thing that stands on the floor: pixels measured behind that
-    plane are free (floor before it lies below the plane's foot), save other things nearer than `beyond`.
-
-    Args:
-        disparity: of the left picture.
-        rig: parallel pair.
-        mount: where the head sits; pan, tilt: of the head, radians.
-        beyond: metres of depth; what is farther does not block.
-
-    Returns:
-        The circle with its metric diameter and its centre in the robot frame; None without one to speak of.
-        A circle that only the picture's border bounds is at least so wide.
-    """
-    far = farther_than(disparity, rig, beyond)
-    standing = disparity.valid & ~far & ~on_floor(disparity, rig, mount, pan, tilt)
-    free = disparity.valid & (
-        disparity.values + np.float32(rig.doffs) < _plane_px(disparity, rig, standing, beyond)
-    )
-    free &= ~standing
-    free = doubts_opened(free, disparity.valid)
-    circle = inscribed_circle(free)
-    if circle is None or circle.radius_px < MIN_RADIUS_PX:
-        return None
-    rim = rim_disparity(circle, disparity, rig, free)
-    if rim is None:
-        return None
-    rotation, eye = mount.left_eye(pan, tilt)
-    x, y, z = (float(c) for c in eye + rotation @ np.array(centre_in_camera(circle, rim, rig)))
-    return Passage(circle.centre, circle.radius_px, metric_diameter(circle, rim, rig), (x, y, z))
-
-
-def _plane_px(disparity: Disparity, rig: StereoRig, standing: Mask, beyond: float) -> float:
-    """Disparity (from the principal points) of the nearest standing surface, or of `beyond`."""
-    limit = rig.left.fx * rig.baseline / beyond
-    values = disparity.values[standing]
-    if len(values) <= SPECK_PX:
-        return limit
-    return max(limit, float(np.partition(values, -SPECK_PX)[-SPECK_PX]) + rig.doffs)
 
 
 def _circle(u: float, v: float, distance: float) -> Circle | None:

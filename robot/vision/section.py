@@ -1,12 +1,11 @@
 """What must pass through an opening: a round cross-section (the hand) or an upright rectangle (the base).
 
-Source: METHODS 10: [T] compares a circle with the cross-section; a body of width w and height h needs
-sqrt(w^2 + h^2) of it, or better its own rectangle.
+And the largest circle in a mask. Source: METHODS 10: [T] compares a circle with the cross-section; a body of
+width w and height h is better compared by its own rectangle.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import cv2
@@ -29,19 +28,6 @@ class RoundSection:
     def __post_init__(self) -> None:
         _check("diameter", self.diameter)
 
-    def fits_into(self, free: Mask, metres_per_pixel: float, margin: float = 0.0) -> bool:
-        """True if the section fits somewhere into the free mask (H, W) with `margin` metres more diameter.
-
-        What lies outside the mask blocks. metres_per_pixel > 0, or ValueError.
-
-        >>> hole = np.zeros((40, 40), np.bool_)
-        >>> hole[5:35, 5:35] = True
-        >>> RoundSection(0.028).fits_into(hole, 0.001), RoundSection(0.032).fits_into(hole, 0.001)
-        (True, False)
-        """
-        _check_scale(metres_per_pixel)
-        return largest_circle_px(free)[1] * metres_per_pixel >= self.diameter + margin
-
 
 @dataclass(frozen=True, slots=True)
 class BoxSection:
@@ -56,33 +42,6 @@ class BoxSection:
     def __post_init__(self) -> None:
         _check("width", self.width)
         _check("height", self.height)
-
-    @property
-    def diagonal(self) -> float:
-        """Diameter of the circle about the rectangle: what it needs in any roll."""
-        return math.hypot(self.width, self.height)
-
-    def fits_into(self, free: Mask, metres_per_pixel: float, margin: float = 0.0) -> bool:
-        """True if the rectangle, `margin` metres wider, fits somewhere standing on the mask's last row.
-
-        free (H, W) bool: a vertical plane, rows from the top, the last one on the floor; what lies outside
-        blocks. metres_per_pixel > 0, or ValueError.
-
-        >>> gate = np.zeros((40, 60), np.bool_)
-        >>> gate[5:, 10:50] = True
-        >>> BoxSection(0.4, 0.3).fits_into(gate, 0.01), BoxSection(0.4, 0.36).fits_into(gate, 0.01)
-        (True, False)
-        """
-        _check_scale(metres_per_pixel)
-        rows = math.ceil(self.height / metres_per_pixel - 1e-9)
-        if rows > free.shape[0]:
-            return False
-        columns: Mask = np.asarray(free[free.shape[0] - rows :].all(axis=0))
-        width_px = longest_run(columns)
-        return width_px * metres_per_pixel + 1e-9 >= self.width + margin
-
-
-Section = RoundSection | BoxSection
 
 
 def largest_circle_px(free: Mask) -> tuple[tuple[int, int], float]:
@@ -108,22 +67,6 @@ def blocked_distance(free: Mask) -> NDArray[np.float32]:
     return distance[1:-1, 1:-1].astype(np.float32, copy=False)
 
 
-def longest_run(free: Mask) -> int:
-    """Length of the longest run of True in (N,).
-
-    >>> longest_run(np.array([True, False, True, True]))
-    2
-    """
-    edges = np.diff(np.concatenate([[False], free, [False]]).astype(np.int8))
-    lengths = np.flatnonzero(edges < 0) - np.flatnonzero(edges > 0)
-    return int(lengths.max()) if len(lengths) else 0
-
-
 def _check(name: str, metres: float) -> None:
     if not 0.0 < metres <= LARGEST_M:
         raise ValueError(f"a section's {name} must be above 0 and at most {LARGEST_M:g} m, got {metres}")
-
-
-def _check_scale(metres_per_pixel: float) -> None:
-    if not 0.0 < metres_per_pixel < math.inf:
-        raise ValueError(f"metres per pixel must be above 0 and finite, got {metres_per_pixel}")

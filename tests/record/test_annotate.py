@@ -40,6 +40,7 @@ from robot.record.annotate import (
     annotated_size,
     overlay_of,
 )
+from robot.record.canvas import text_width
 from robot.record.projection import eyes
 
 RIG = StereoRig.parallel(352, 288, 305.0, 0.06)
@@ -178,15 +179,46 @@ def test_boxes_at_and_beyond_the_edge_do_no_harm(box: Box) -> None:
     assert _draw(candidates=(Detection(box, 0.5, "cup"),)).shape == (336, 704, 3)
 
 
-def test_the_passage_circle_has_its_centre_and_radius() -> None:
-    passage = Passage((180.0, 120.0), 40.0, 0.44, (1.5, 0.0, 0.2))
+def _ink(picture: Image, colour: palette.Rgb) -> np.ndarray:
+    return np.argwhere((picture == palette.bgr(colour)).all(axis=2))[:, ::-1]  # (u, v)
+
+
+def test_a_passage_is_a_gate_of_its_width_that_stands_on_the_floor() -> None:
+    passage = Passage((180.0, 120.0), 40.0, 0.44, (1.5, 0.0, 0.2), safe=True)
     left, right = _halves(_draw(free_space=_space([], free=0.0, passage=passage)))
-    painted = _painted(left[: 120 + 39])
-    radii = np.hypot(*(painted - (180, 120)).T)
-    ring = radii[radii > 10]
-    assert ring.min() > 38
-    assert ring.max() < 42
-    assert len(_painted(right)) > 50
+    gate = _ink(left, palette.PASSAGE)
+    assert gate[:, 0].min() == pytest.approx(140, abs=2)
+    assert gate[:, 0].max() == pytest.approx(220, abs=2)
+    assert gate[:, 1].max() == pytest.approx(120 + 40 * 0.2 / 0.22, abs=2)
+    seen = _ink(right, palette.PASSAGE)
+    shift = RIG.left.fx * RIG.baseline / eyes(RIG, MOUNT, HEAD)[0].left_depth(np.array([1.5, 0.0, 0.2]))
+    assert seen[:, 0].min() + 1 == pytest.approx(140 - shift, abs=2)
+
+
+def test_a_passage_not_safe_is_dashed_in_another_colour_and_says_so() -> None:
+    feet, labels = {}, {}
+    for safe in (True, False):
+        passage = Passage((180.0, 120.0), 40.0, 0.44, (1.5, 0.0, 0.2), safe=safe)
+        left, _ = _halves(_draw(free_space=_space([], free=0.0, passage=passage)))
+        ink, other = (palette.PASSAGE, palette.WARNING)[:: 1 if safe else -1]
+        assert not len(_ink(left, other))
+        drawn = _ink(left, ink)
+        feet[safe] = np.count_nonzero(drawn[:, 1] == drawn[:, 1].max())
+        label = drawn[drawn[:, 1] < 120 - 40]
+        labels[safe] = np.ptp(label[:, 0]) + 1
+    assert feet[False] < 0.75 * feet[True]
+    assert labels[True] == pytest.approx(text_width("0.44 m wide", size=0.36, bold=True) + 9, abs=1)
+    assert labels[False] > labels[True] + text_width(", not safe", size=0.36, bold=True) - 3
+
+
+@pytest.mark.parametrize("safe", [True, False])
+def test_passages_at_and_beyond_the_edge_do_no_harm(safe: bool) -> None:
+    for centre, radius, width in (
+        ((-900.0, 60.0), 30.0, 0.3), ((1e7, -1e7), 1e12, 0.3), ((9.0, 9.0), 0.0, 0.0),
+    ):  # fmt: skip
+        for z in (0.16, -0.1):
+            passage = Passage(centre, radius, width, (0.0, 0.0, z), safe=safe)
+            assert _draw(free_space=_space([], passage=passage)).shape == (336, 704, 3)
 
 
 def test_lamp_limit_and_faults_change_the_caption() -> None:

@@ -15,6 +15,7 @@ from robot.messages import (
     Health,
     Hold,
     Odometry,
+    Passage,
     Percepts,
     Pose2,
     Range,
@@ -287,6 +288,25 @@ class TestTrack:
         assert 2.0 < now < 3.5
 
 
+def walled_in():
+    """A map of a robot with walls half a metre away all round."""
+    floor = with_wall(open_floor(), 0.5, 3.0)
+    with_wall(floor, -0.5, 3.0)
+    side = np.column_stack([np.linspace(-0.6, 0.6, 80), np.full(80, 0.5)])
+    none = np.zeros(0)
+    for k in range(6):
+        for sign in (1, -1):
+            floor.update(FreeSpace(none, none, none, side * (1, sign)), Pose2(), 0.1 * k)
+    return floor
+
+
+def seen_passage(diameter, safe):
+    """A look at the floor that shows one passage, ahead to the left."""
+    none = np.zeros(0)
+    passage = Passage((120.0, 90.0), 30.0, diameter, (1.0, 0.4, 0.16), safe=safe)
+    return FreeSpace(none, none, none, np.zeros((0, 2)), passage)
+
+
 class TestAvoid:
     def test_plans_round_a_wall_and_never_through_it(self):
         state = Avoid(BEHAVIOUR, with_wall(open_floor(), 1.0, 0.4))
@@ -325,14 +345,7 @@ class TestAvoid:
         assert state.step(situation(0.1))[1].name == "target_lost"
 
     def test_without_a_way_it_stands_looks_round_and_gives_up(self):
-        floor = with_wall(open_floor(), 0.5, 3.0)
-        with_wall(floor, -0.5, 3.0)
-        side = np.column_stack([np.linspace(-0.6, 0.6, 80), np.full(80, 0.5)])
-        none = np.zeros(0)
-        for k in range(6):
-            for sign in (1, -1):
-                floor.update(FreeSpace(none, none, none, side * (1, sign)), Pose2(), 0.1 * k)
-        state = Avoid(BEHAVIOUR, floor)
+        state = Avoid(BEHAVIOUR, walled_in())
         state.enter(situation(0.0))
         lost = {"track": Timed(LOST, 0.0), "place": Timed((2.0, 0.0), 0.0)}
         pans = set()
@@ -345,6 +358,34 @@ class TestAvoid:
         assert event.name == "target_lost"
         assert "no way" in event.reason
         assert len(pans) > 5
+
+    @staticmethod
+    def look_at(passage, now):
+        """Where AVOID looks at the second `now` when it has no way and sees this passage from 0.1 s on."""
+        state = Avoid(BEHAVIOUR, walled_in())
+        state.enter(situation(0.0))
+        place = Timed((2.0, 0.0), 0.0)
+        state.step(situation(0.1, place=place, free_space=Timed(passage, 0.1)))
+        intent, _ = state.step(situation(now, place=place, free_space=Timed(passage, now)))
+        assert intent.motion == Hold()
+        return intent.look
+
+    @pytest.mark.parametrize("safe", [True, False])
+    def test_without_a_way_it_turns_to_a_passage_wide_enough(self, safe):
+        look = self.look_at(seen_passage(0.5, safe), 0.14)
+        assert look.pan == pytest.approx(math.atan2(0.4, 1.0 - BEHAVIOUR.head_forward))
+
+    def test_it_looks_up_at_a_passage_that_is_not_safe(self):
+        assert self.look_at(seen_passage(0.5, True), 0.14).tilt == BEHAVIOUR.rest_tilt
+        assert 0.0 < self.look_at(seen_passage(0.5, False), 0.14).tilt < 0.7 * BEHAVIOUR.rest_tilt
+
+    def test_a_passage_too_narrow_is_not_looked_at(self):
+        narrow = self.look_at(seen_passage(1.9 * BEHAVIOUR.body_radius, False), 0.14)
+        assert abs(narrow.pan) < 0.1
+        assert narrow.tilt == BEHAVIOUR.rest_tilt
+
+    def test_it_does_not_stare_at_a_passage_for_ever(self):
+        assert self.look_at(seen_passage(0.5, False), 2.6).tilt == BEHAVIOUR.rest_tilt
 
     def test_no_progress_on_the_detour_ends_it(self):
         state = Avoid(BEHAVIOUR, with_wall(open_floor(), 1.0, 0.4))

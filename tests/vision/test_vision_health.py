@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import cv2
 import numpy as np
 import pytest
 from rendered_pairs import Block, Pair, Room, render
@@ -82,46 +81,3 @@ def test_another_size_than_before_is_not_frozen(frame: StereoFrame) -> None:
 def test_brightness_is_the_mean_grey_level() -> None:
     ramp = np.repeat(np.arange(256, dtype=np.uint8)[None, :, None], 64, axis=0).repeat(3, axis=2)
     assert health.brightness(ramp) == pytest.approx(127.5, abs=4)
-
-
-# -------------------------------------------------------------------------------------- exchanged eyes
-
-ROOMS = [
-    pytest.param(Room(), 0.349, 0.0, 2.0, 1.0, id="floor"),
-    pytest.param(Room((Block(1.0, 0.1, 0.3, 0.3, 0.3, yaw=0.5),)), 0.1, 0.4, 2.0, 1.0, id="block"),
-    pytest.param(Room(size=1.0), 0.0, -0.6, 2.0, 1.0, id="wall"),
-    pytest.param(Room((Block(2.0, 0.0, 0.5, 0.5, 0.6),)), 0.2, 0.0, 3.0, 0.35, id="dusk"),
-]
-
-
-@pytest.mark.parametrize(("room", "tilt", "pan", "noise", "gain"), ROOMS)
-def test_exchanged_eyes_are_found_and_honest_ones_never_accused(
-    room: Room, tilt: float, pan: float, noise: float, gain: float
-) -> None:
-    pair = render(room, rig=RIG, tilt=tilt, pan=pan, noise=noise, gain=gain, samples=2)
-    assert not health.eyes_swapped(pair.left, pair.right)
-    assert health.eyes_swapped(pair.right, pair.left)
-
-
-@pytest.mark.parametrize("size", [0.16, 0.2, 0.25, 0.3])
-def test_a_wall_nearer_than_the_search_accuses_nobody(size: float) -> None:
-    pair = render(Room(size=size), rig=RIG, tilt=0.0, samples=2)
-    assert not health.eyes_swapped(pair.left, pair.right)
-
-
-def test_pictures_that_say_nothing_accuse_nobody() -> None:
-    draw = np.random.default_rng(3)
-    blank = np.full((288, 352, 3), 90, np.uint8)
-    noise = [draw.integers(60, 120, (288, 352, 3)).astype(np.uint8) for _ in range(2)]
-    stripes = np.repeat((128 + 90 * np.sin(np.arange(352) * 0.6)).astype(np.uint8)[None], 288, axis=0)
-    tiny = np.zeros((1, 1, 3), np.uint8)
-    for left, right in ((blank, blank), noise, (stripes, np.roll(stripes, 7, axis=1)), (tiny, tiny)):
-        assert not health.eyes_swapped(left, right)
-
-
-def test_far_things_a_little_off_the_principal_point_accuse_nobody() -> None:
-    noise = np.random.default_rng(4).integers(0, 256, (288, 400)).astype(np.uint8)
-    scene = cv2.GaussianBlur(noise, (0, 0), 2.5)
-    left, right = scene[:, 20:372], scene[:, 18:370]  # u_l - u_r = -2 px
-    assert not health.eyes_swapped(left, right)
-    assert health.eyes_swapped(left, scene[:, 8:360])

@@ -78,9 +78,9 @@ def blank(side=18):
 
 
 @settings(max_examples=15, deadline=None)
-@given(level=st.sampled_from([0.0, 15.0]) | st.floats(0.5, 14.5), seed=st.integers(0, 99))
+@given(level=st.sampled_from([0.0, 15.0]) | st.floats(0.51, 14.49), seed=st.integers(0, 99))
 def test_where_all_agree_nothing_changes(level, seed):
-    """(The first and the last level have no fraction.)"""
+    """The first and the last level have no fraction: half-way to them either level may win."""
     guide = np.random.default_rng(seed).integers(0, 256, (9, 12)).astype(np.uint8)
     levels = np.full((9, 12), level, np.float32)
     assert vote(levels, np.ones((9, 12), bool), guide, 16, Voting()) == pytest.approx(levels, abs=0.02)
