@@ -2,8 +2,7 @@
 
 A ray that is measured to end at a far surface proves the air before it empty, whichever eye it belongs to.
 Beside every near thing lies a strip that one eye alone sees: it has no disparity. But the other eye looks
-through that very place to a background both see, and so it is measured empty after all. No right-referenced
-matching is needed for this: a matched pixel is a ray of the left eye and one of the right.
+through that very place to a background both see (`both_eyes`), and so it is measured empty after all.
 
 All is laid out upright from the left eye: columns are directions (tangents to the right of the head's own
 direction), rows are rays of equal drop, distances are forward ones. Source: METHODS 10 with Kutulakos and
@@ -20,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.model import HeadMount, StereoRig
+from robot.vision.both_eyes import BothEyes
 from robot.vision.disparity import Disparity
-from robot.vision.fringe import GUESS_SIGMA_PX, continued, specks_closed
 from robot.vision.levelling import FloorLevel
 
 Floats = NDArray[np.float32]
@@ -31,8 +30,6 @@ Vector = NDArray[np.float64]
 
 ROW_STEP = 2
 """Every second row is looked at: neighbouring rows of a matcher's map say the same."""
-FRINGE_PX = 36
-"""Directions an unmeasured fringe at an edge spans at most."""
 FOOT_COLUMNS = 11
 """Unmeasured spots of the floor narrower than this are bridged sideways, columns."""
 FLOOR_GAP = 0.1
@@ -77,7 +74,7 @@ class Air:
 
 
 def carve(
-    disparity: Disparity,
+    eyes: BothEyes,
     rig: StereoRig,
     mount: HeadMount,
     pan: float,
@@ -85,22 +82,18 @@ def carve(
     level: FloorLevel,
     heights: tuple[float, float],
 ) -> Air:
-    """What the rays of both eyes end at, by one disparity map.
+    """What the rays of both eyes end at.
 
     Args:
-        disparity: of the left picture.
+        eyes: disparities by either eye's pixels.
         rig: parallel pair.
         mount: where the head sits; pan, tilt: of the head, radians.
         level: how the floor really lies.
         heights: lowest and highest metres above the floor that must be empty.
     """
-    picked, forward, rays = _rays(disparity.values.shape[0], rig, mount, pan, tilt, level, heights)
-    focal_baseline = rig.left.fx * rig.baseline
-    every, valid, sure = _upright(disparity, rig, picked, forward, rays)
-    surface = np.where(valid, every, np.float32(0.0))
-    left = specks_closed(continued(surface, np.float32(focal_baseline) / every, sure, FRINGE_PX))
-    right = by_right_eye(left, focal_baseline)
-    return Air(rays, left, right, _feet(left, rays, heights[0]), focal_baseline)
+    picked, forward, rays = _rays(eyes.left.values.shape[0], rig, mount, pan, tilt, level, heights)
+    left, right = (_upright(seen, rig, picked, forward, rays) for seen in (eyes.left, eyes.right))
+    return Air(rays, left, right, _feet(left, rays, heights[0]), rig.left.fx * rig.baseline)
 
 
 def by_right_eye(left: Floats, focal_baseline: float) -> Floats:
@@ -151,10 +144,8 @@ def _rays(
     return picked, forward, Rays(tangents, drop, enters, leaves, seen, eye, height, pan)
 
 
-def _upright(
-    disparity: Disparity, rig: StereoRig, picked: Index, forward: Vector, rays: Rays
-) -> tuple[Floats, Mask, Mask]:
-    """Forward distance (R, K) the matcher gives for each ray, which are measured, which a good guess."""
+def _upright(disparity: Disparity, rig: StereoRig, picked: Index, forward: Vector, rays: Rays) -> Floats:
+    """Forward distance (R, K) at which each ray of the disparities' eye ends, 0 where unmeasured."""
     camera = rig.left
     column = np.rint(camera.cx + camera.fx * forward[:, None] * rays.tangents).astype(np.intp)
     column = np.clip(column, 0, camera.width - 1)
@@ -162,10 +153,7 @@ def _upright(
     values = np.take(disparity.values, pixel) + np.float32(rig.doffs)
     valid = np.take(disparity.valid, pixel) & rays.seen & (values > 0.5)
     scale = (camera.fx * rig.baseline * forward).astype(np.float32)[:, None]
-    sure = np.take(disparity.sigma_px, pixel) < np.float32(GUESS_SIGMA_PX)
-    # Where a matcher gives no guess at all, none may be taken for a far one.
-    sure &= rays.seen & (values > 0.5)
-    return scale / np.maximum(values, np.float32(0.5)), valid, sure
+    return np.where(valid, scale / np.maximum(values, np.float32(0.5)), np.float32(0.0))
 
 
 def _feet(left: Floats, rays: Rays, low: float) -> Floats:

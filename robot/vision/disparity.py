@@ -18,9 +18,9 @@ Mask = NDArray[np.bool_]
 class Disparity:
     """Column of a point in the left picture less its column in the right one, for every left pixel.
 
-    values (H, W) float32 px: measured where valid; elsewhere filled in, for the eye and to tell where in an
-    edge's fringe the edge lies (`robot.vision.fringe`). valid (H, W) bool. sigma_px (H, W) float32: standard
-    deviation of a valid value; a matcher gives infinity elsewhere, so that nobody takes a guess for sure.
+    values (H, W) float32 px: measured where valid; elsewhere filled in, for the eye alone. valid (H, W) bool.
+    sigma_px (H, W) float32: standard deviation of a valid value; a matcher gives infinity elsewhere, so that
+    nobody takes a guess for sure.
     """
 
     values: Floats

@@ -27,12 +27,13 @@ import numpy as np
 from calib.model import HeadMount, StereoRig
 from robot.messages import FreeSpace, Image, Passage, Points
 from robot.vision import freespace, hole, sectors
+from robot.vision.both_eyes import BothEyes, see, see_plates
 from robot.vision.carving import Air, carve
 from robot.vision.disparity import Disparity, Matcher
 from robot.vision.floor_aligned import FloorAlignedMatcher
 from robot.vision.freespace import FloorLimits
 from robot.vision.ground import GroundLimits, find_obstacles
-from robot.vision.opening import Opening, floor_reaches, proven_room, widest_opening
+from robot.vision.opening import Needed, Opening, floor_reaches, way_through, widest_opening
 from robot.vision.plan import Plan, ends, outline, standing_points
 from robot.vision.section import BoxSection, RoundSection
 
@@ -45,8 +46,8 @@ SEEN_HEIGHT_SHARE = 0.95
 FIRST_FLOOR_M = 0.3
 """Free floor begins within so much of the picture's lower edge."""
 LEAST_RADIUS_PX = 3.0
-EDGE_SIGMA_PX = 1.5
-"""Of where an opening's side is seen."""
+EDGE_SIGMA_PX, PROVEN_SIGMA_PX = 1.5, 0.5
+"""Of where an opening's side is seen; of where the air before it ends to be proven, which is never beyond."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,16 +105,23 @@ class FreeWayFinder:
             ValueError: pictures that are no pair, or not of the rig's size.
         """
         corners = find_obstacles(left, right, self._rig, self._mount, pan, tilt, self._ground).points
-        return self.joined(self._matcher(left, right, pan, tilt), corners, pan, tilt)
+        disparity = self._matcher(left, right, pan, tilt)
+        return self.joined(disparity, see(disparity, left, right), corners, pan, tilt)
 
-    def joined(self, disparity: Disparity, corners: Points, pan: float, tilt: float) -> FreeSpace:
-        """The answer from what was measured: the left picture's disparities, points (N, 3) off the ground."""
+    def joined(
+        self, disparity: Disparity, eyes: BothEyes, corners: Points, pan: float, tilt: float
+    ) -> FreeSpace:
+        """The answer from what was measured.
+
+        disparity: the left picture's, for the floor; eyes: its surfaces continued to their edges, for the
+        air; corners: points (N, 3) off the ground, robot frame.
+        """
         rig, mount, floor_limits = self._rig, self._mount, self._floor
         look = freespace.looked(disparity, rig, mount, pan, tilt, floor_limits)
         floor = freespace.from_look(look, rig, mount, floor_limits)
         floor = sectors.merge(sectors.merge(floor, floor.obstacles), corners)
         heights = (floor_limits.step_height, self._section.height)
-        air = carve(disparity, rig, mount, pan, tilt, look.level, heights)
+        air = carve(eyes, rig, mount, pan, tilt, look.level, heights)
         plan = outline(air)
         floor = sectors.ended_for_most(sectors.ended_by(floor, standing_points(air)), ends(plan))
         floor = sectors.begun_near(floor, self._first_seen(tilt) + FIRST_FLOOR_M)
@@ -128,31 +136,37 @@ class FreeWayFinder:
 
     def _passage(self, air: Air, plan: Plan, floor: FreeSpace, pan: float, tilt: float) -> Passage | None:
         width, height = self._section.width, self._section.height
-        found = widest_opening(plan, width, 0.5 * width)
+        found = widest_opening(plan, width)
         if found is None:
             return None
-        (x, y), z = found.middle, 0.5 * height
+        forward = found.distance - float(plan.eye[0])
+        edges, scale = self._sigmas(found, forward)
+        across = math.hypot(edges, found.width * scale)
+        slack = SIGMAS * math.hypot(
+            PROVEN_SIGMA_PX * math.sqrt(2.0) * forward / self._rig.left.fx, width * scale
+        )
+        needed = Needed(width, width + slack, width + SIGMAS * across, 0.5 * width)
+        way = way_through(air, plan, found, needed)
+        x, y = way.place if way is not None else found.middle
+        z, camera = 0.5 * height, self._rig.left
         rotation, eye = self._mount.left_eye(pan, tilt)
         right, down, depth = (float(c) for c in rotation.T @ (np.array([x, y, z]) - eye))
-        camera = self._rig.left
         centre = camera.cx + camera.fx * right / depth, camera.cy + camera.fy * down / depth
-        across, along = self._sigmas(found, depth)
-        needed = width + SIGMAS * across
         safe = (
-            min(found.room, proven_room(air, plan, found, 0.5 * width)) >= needed
+            way is not None
             and found.top >= SEEN_HEIGHT_SHARE * height
-            and floor_reaches(floor, found.bearing, found.distance + 0.5 * width, width)
+            and floor_reaches(floor, way.bearing, way.distance + 0.5 * width, width)
         )
         radius_px = 0.5 * found.width * camera.fx / depth
-        return Passage(
-            centre, radius_px, found.width, (x, y, z), across, math.hypot(0.5 * across, along), safe
-        )
+        sigma = math.hypot(0.5 * across, scale * depth)
+        return Passage(centre, radius_px, found.width, (x, y, z), across, sigma, safe)
 
     def _sigmas(self, found: Opening, depth: float) -> tuple[float, float]:
-        """Standard deviations of the opening's width and of its distance, metres."""
-        share = RANGE_SIGMA_PX * depth / (self._rig.left.fx * self._rig.baseline)
-        edges = math.sqrt(2.0) * EDGE_SIGMA_PX * depth / self._rig.left.fx
-        return math.hypot(edges, found.width * share), depth * share
+        """Standard deviations: of the distance between both edges, metres; of all distances, relative."""
+        return (
+            math.sqrt(2.0) * EDGE_SIGMA_PX * depth / self._rig.left.fx,
+            RANGE_SIGMA_PX * depth / (self._rig.left.fx * self._rig.baseline),
+        )
 
 
 class HandWayFinder:
@@ -192,24 +206,24 @@ class HandWayFinder:
         Raises:
             ValueError: pictures that are no pair, or not of the rig's size.
         """
-        return self.joined(self._matcher(left, right), pan, tilt)
+        return self.joined(see_plates(self._matcher(left, right), left, right), pan, tilt)
 
-    def joined(self, disparity: Disparity, pan: float, tilt: float) -> FreeSpace:
-        """The answer from the left picture's disparities.
+    def joined(self, eyes: BothEyes, pan: float, tilt: float) -> FreeSpace:
+        """The answer from what both eyes see.
 
         Raises:
-            ValueError: the disparity map has not the rig's size.
+            ValueError: the disparity maps have not the rig's size.
         """
-        freespace.check_size(disparity, self._rig)
+        freespace.check_size(eyes.left, self._rig)
         none = np.zeros(0)
-        return FreeSpace(none, none, none, np.zeros((0, 2)), self._passage(disparity, pan, tilt))
+        return FreeSpace(none, none, none, np.zeros((0, 2)), self._passage(eyes, pan, tilt))
 
-    def _passage(self, disparity: Disparity, pan: float, tilt: float) -> Passage | None:
+    def _passage(self, eyes: BothEyes, pan: float, tilt: float) -> Passage | None:
         limits = self._limits
-        found = hole.largest_hole(disparity, self._rig, limits.reach, limits.behind)
+        found = hole.largest_hole(eyes, self._rig, limits.reach, limits.behind)
         if found is None or found.circle.radius_px < LEAST_RADIUS_PX:
             return None
-        held = hole.surroundings(disparity, self._rig, found) >= limits.held
+        held = hole.surroundings(eyes.left, self._rig, found) >= limits.held
         if not held and not found.bounded:
             return None  # nothing tells how far away the circle is, and so how large
         measured = hole.measured_in_metres(found, self._rig, limits.edge_sigma_px)

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from calib.model import HeadMount, StereoRig
 from robot.messages import FreeSpace, Points
 from robot.vision.disparity import Disparity
+from robot.vision.floor_edges import height_jumps
 from robot.vision.levelling import FloorLevel, floor_plane
-from robot.vision.sectors import merge as merge
 
 Floats = NDArray[np.float32]
 Counts = NDArray[np.float32]
@@ -38,6 +38,8 @@ A 4 cm step fills 50 there, a post of 3 cm hundreds; a false match, rarely 20.""
 
 GATE_SHARE = 0.6
 """Of the step height: from there on a pixel stands up, for a step's own height is seen blurred."""
+EDGE_BAND = 3.0
+"""Step heights; what lies farther off the floor belongs to things."""
 NOMINAL = FloorLevel()
 OPEN_SHARE, OWN_SHARE = 0.35, 0.15
 """Of the pixels that look at a cell and its neighbours (of the cell alone) so many must measure floor."""
@@ -101,59 +103,52 @@ class _Cells:
         inside = (column >= 0) & (column < self.sectors) & (ring >= 0) & (ring < self.rings)
         return np.where(inside, column, 0).astype(np.intp) * self.rings + np.where(inside, ring, 0), inside
 
+    def total(self, cell: Index, chosen: Mask, of: Floats) -> Counts:
+        """Sum of a value of the points chosen in each cell, (sectors, rings)."""
+        flat = np.bincount(cell[chosen], weights=of[chosen], minlength=self.sectors * self.rings)
+        return flat.reshape(self.sectors, self.rings).astype(np.float32)
+
     def count(self, cell: Index, chosen: Mask) -> Counts:
         """Points chosen in each cell, (sectors, rings)."""
         flat = np.bincount(cell[chosen], minlength=self.sectors * self.rings)
         return flat.reshape(self.sectors, self.rings).astype(np.float32)
 
 
-def free_space(
-    disparity: Disparity,
-    rig: StereoRig,
-    mount: HeadMount,
-    pan: float,
-    tilt: float,
-    limits: FloorLimits | None = None,
-) -> FreeSpace:
-    """Free floor and obstacles in one disparity map of a rectified pair.
+def looked(
+    disparity: Disparity, rig: StereoRig, mount: HeadMount, pan: float, tilt: float, limits: FloorLimits
+) -> Look:
+    """The pixels of a rectified pair's disparity map as points over the floor as it lies in this picture.
 
     Args:
         disparity: of the left picture.
         rig: the pair's geometry; parallel (rectified).
         mount: where the head sits.
         pan, tilt: of the head when the picture was taken, radians.
-        limits: what counts as floor.
-
-    Returns:
-        Sectors and obstacle points in the robot frame. A height is accurate to sigma_d z / d times the
-        ray's drop. A pixel stands up if it is higher than 0.6 `step_height` and 2.5 such sigma, but never
-        needs more than about twice the step height; a cell needs many such pixels.
+        limits: how far the floor may lie from its nominal place.
 
     Raises:
         ValueError: the disparity map has not the rig's size.
-
-    >>> from robot.vision.stereo import floor_disparities
-    >>> floor = floor_disparities(StereoRig.parallel(352, 288, 305.0, 0.06), HeadMount(), 0.0, 0.35, 288)
-    >>> values = np.repeat(np.maximum(floor, 0.0)[:, None], 352, axis=1)
-    >>> flat = Disparity(values, values > 0.0, np.full_like(values, 0.2))
-    >>> look = free_space(flat, StereoRig.parallel(352, 288, 305.0, 0.06), HeadMount(), 0.0, 0.35)
-    >>> len(look.obstacles), bool(look.free[len(look.free) // 2] > 2.5)
-    (0, True)
     """
-    limits = limits or FloorLimits()
-    return from_look(looked(disparity, rig, mount, pan, tilt, limits), rig, mount, limits)
-
-
-def looked(
-    disparity: Disparity, rig: StereoRig, mount: HeadMount, pan: float, tilt: float, limits: FloorLimits
-) -> Look:
-    """The map's pixels as points over the floor as it lies in this picture. See `free_space`."""
     check_size(disparity, rig)
     return _level(_look(disparity, rig, mount, pan, tilt), limits)
 
 
 def from_look(look: Look, rig: StereoRig, mount: HeadMount, limits: FloorLimits) -> FreeSpace:
-    """Sectors and obstacle points of the pixels looked at."""
+    """Free floor and obstacles of the pixels looked at: sectors and obstacle points in the robot frame.
+
+    A height is accurate to sigma_d z / d times the ray's drop. A pixel stands up if it is higher than 0.6
+    `step_height` and 2.5 such sigma, but never needs more than about twice the step height; a cell needs many
+    such pixels.
+
+    >>> from robot.vision.floor_aligned import floor_disparities
+    >>> rig, mount, limits = StereoRig.parallel(352, 288, 305.0, 0.06), HeadMount(), FloorLimits()
+    >>> floor = np.maximum(floor_disparities(rig, mount, 0.0, 0.35, 288), np.float32(0.0))
+    >>> values = np.repeat(floor[:, None], 352, axis=1)
+    >>> flat = Disparity(values, values > 0.0, np.full_like(values, 0.2))
+    >>> seen = from_look(looked(flat, rig, mount, 0.0, 0.35, limits), rig, mount, limits)
+    >>> len(seen.obstacles), bool(seen.free[len(seen.free) // 2] > 2.5)
+    (0, True)
+    """
     cells = _raster(look, rig, mount, limits)
     if cells is None:
         none = np.zeros(0)
@@ -255,6 +250,10 @@ def _vote(look: Look, cells: _Cells, limits: FloorLimits) -> tuple[Mask, Mask, P
     occupied = (standing >= np.maximum(needed, 0.4 * expected)) & (standing > 0.5 * lying)
     sure = occupied & (standing >= 2.0 * needed)
     occupied |= falling >= np.maximum(needed, 0.6 * expected)
+    near_floor = inside & look.measured & (np.abs(look.height) < EDGE_BAND * limits.step_height)
+    heights, sigmas = (cells.total(place, near_floor, of) for of in (look.height, look.sigma))
+    count = cells.count(place, near_floor)
+    occupied |= height_jumps(heights, sigmas, count, cells.edges, limits.step_height)
     share = _blur(floor) / np.maximum(_blur(expected), 1.0)
     free = (share >= OPEN_SHARE) & (floor >= OWN_SHARE * expected) & (expected > 0) & ~occupied
     hit = up & inside & occupied.ravel()[place]

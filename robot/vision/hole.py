@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.model import StereoRig
+from robot.vision.both_eyes import BothEyes
 from robot.vision.disparity import Disparity
-from robot.vision.fringe import GUESS_SIGMA_PX, continued_behind, specks_closed
 from robot.vision.passage import Circle, inscribed_circle
 
 Floats = NDArray[np.float32]
@@ -84,30 +84,45 @@ class Measured:
     sigma_centre: float
 
 
-def largest_hole(disparity: Disparity, rig: StereoRig, reach: float, behind: float) -> Hole | None:
+def largest_hole(eyes: BothEyes, rig: StereoRig, reach: float, behind: float) -> Hole | None:
     """The largest circle of the nearest plane that is proven open; None if there is none.
 
     Args:
-        disparity: of the left picture.
+        eyes: disparities by either eye's pixels.
         rig: parallel pair.
         reach: metres of depth; what is farther does not block. Where nothing is nearer, the plane lies there.
         behind: metres of room that must be free behind the plane.
     """
-    focal_baseline = rig.left.fx * rig.baseline
+    disparity, focal_baseline = eyes.left, rig.left.fx * rig.baseline
     values = disparity.values + np.float32(rig.doffs)
     plane = nearest_plane(values, disparity.valid & (values > focal_baseline / reach))
     flat = plane or Plane(0.0, 0.0, focal_baseline / reach)
-    front = open_in_plane(disparity, rig, flat, behind)
-    circle = inscribed_circle(front & _seen_through(disparity, rig, flat, behind))
+    front = open_in_plane(eyes, rig, flat, behind)
+    circle = inscribed_circle(front & _seen_through(eyes, rig, flat, behind))
     if circle is None:
         return None
-    mouth = inscribed_circle(open_in_plane(disparity, rig, flat, MOUTH_SHARE * behind))
+    mouth = inscribed_circle(_mouth(eyes, rig, flat, MOUTH_SHARE * behind))
     same = mouth is not None and math.dist(mouth.centre, circle.centre) < circle.radius_px
     mouth_px = mouth.diameter_px if mouth is not None and same else circle.diameter_px
     return Hole(circle, mouth_px, flat, _plane_sigma(disparity), plane is not None)
 
 
-def _seen_through(disparity: Disparity, rig: StereoRig, plane: Plane, behind: float) -> Mask:
+def _mouth(eyes: BothEyes, rig: StereoRig, plane: Plane, behind: float) -> Mask:
+    """Left pixels (H, W) of the plane within the opening's rim, whatever lies behind the middle of it.
+
+    Of a small opening before a far background the left eye proves the left end of each row and the right eye
+    the right end; what lies between is seen by one eye alone, and no thing of the plane.
+    """
+    proven = open_in_plane(eyes, rig, plane, behind)
+    here = plane.over(proven.shape)
+    far = np.where(eyes.left.valid & proven, eyes.left.values + np.float32(rig.doffs), np.float32(np.inf))
+    hidden = float(np.max(here - np.minimum(far.min(), here.min())))
+    return proven | (
+        _closed(proven, 1, math.ceil(max(hidden, 0.0)) + 1) & ~_on_plane(eyes, rig, plane, behind)
+    )
+
+
+def _seen_through(eyes: BothEyes, rig: StereoRig, plane: Plane, behind: float) -> Mask:
     """Left pixels (H, W) of the plane straight behind which the air is open too: a hole has depth.
 
     Straight is away from the middle between the eyes: a plane's point moves by half of what its disparity
@@ -117,7 +132,7 @@ def _seen_through(disparity: Disparity, rig: StereoRig, plane: Plane, behind: fl
     z = rig.left.fx * rig.baseline / middle
     share = z / (z + behind)
     back = Plane(plane.along * share, plane.down * share, plane.constant * share)
-    opened = open_in_plane(disparity, rig, back, MOUTH_SHARE * behind).astype(np.float32)
+    opened = open_in_plane(eyes, rig, back, MOUTH_SHARE * behind).astype(np.float32)
     v, u = np.mgrid[: opened.shape[0], : opened.shape[1]].astype(np.float32)
     shifted = u - np.float32(0.5 * (1.0 - share)) * plane.over(opened.shape)
     found: Mask = cv2.remap(opened, shifted, v, cv2.INTER_NEAREST, borderValue=0.0) > 0.5
@@ -145,53 +160,55 @@ def nearest_plane(values: Floats, near: Mask) -> Plane | None:
     return Plane(*(float(c) for c in fit))
 
 
-def open_in_plane(disparity: Disparity, rig: StereoRig, plane: Plane, behind: float) -> Mask:
+def open_in_plane(eyes: BothEyes, rig: StereoRig, plane: Plane, behind: float) -> Mask:
     """Left pixels (H, W) at which the plane is proven open by a ray of either eye."""
-    focal_baseline = np.float32(rig.left.fx * rig.baseline)
-    guess = np.maximum(disparity.values + np.float32(rig.doffs), np.float32(0.5))
-    surface = np.where(disparity.valid, focal_baseline / guess, np.float32(0.0))
-    sure = disparity.sigma_px < np.float32(GUESS_SIGMA_PX)
-    here = focal_baseline / np.maximum(plane.over(surface.shape), np.float32(0.5))
-    distance = focal_baseline / guess
-    # Where a matcher gives no guess at all, none may be taken for a far one.
-    near = (distance <= here + np.float32(behind)) | (guess <= 0.5)
-    hidden = np.maximum(plane.over(surface.shape) - guess, np.float32(0.0))
-    surface = continued_behind(surface, distance, near, sure, hidden)
-    surface = continued_behind(surface.T, distance.T, near.T, sure.T, np.zeros_like(hidden.T)).T
-    surface = specks_closed(np.ascontiguousarray(surface))
-    proven = (surface > here + np.float32(behind)) | _open_to_right_eye(surface, rig, plane, behind)
+    surface = _distance(eyes.left, rig)
+    here = _distance_of(plane, rig, surface.shape)
+    proven = (surface > here + np.float32(behind)) | _open_to_right_eye(eyes.right, rig, plane, behind)
     # Cracks between what one eye and what the other proves: narrower than anything that could stand there.
-    closed = (
-        cv2.morphologyEx(proven.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((CRACK_PX, CRACK_PX), np.uint8))
-        > 0
-    )
-    on_plane = disparity.valid & (
-        disparity.values + np.float32(rig.doffs) > focal_baseline / (here + np.float32(behind))
-    )
-    return proven | (closed & ~on_plane)
+    return proven | (_closed(proven, CRACK_PX, CRACK_PX) & ~_on_plane(eyes, rig, plane, behind))
 
 
-def _open_to_right_eye(surface: Floats, rig: StereoRig, plane: Plane, behind: float) -> Mask:
-    """The same by the right eye's rays: each crosses the plane at another left pixel than its surface's."""
-    focal_baseline = rig.left.fx * rig.baseline
+def _open_to_right_eye(right: Disparity, rig: StereoRig, plane: Plane, behind: float) -> Mask:
+    """The same by the right eye's rays: each crosses the plane at another left pixel than its own column."""
+    surface = _distance(right, rig)
     v, u = np.nonzero(surface > 0.0)
-    disparity = focal_baseline / surface[v, u]
-    # The right eye's column u - d stays; on the plane u' - d(u', v) is the same.
-    crossing = (u - disparity + plane.down * v + plane.constant) / (1.0 - plane.along)
+    # On the plane a left column u' is seen at u' - d(u', v) by the right eye.
+    crossing = (u + plane.down * v + plane.constant - rig.doffs) / (1.0 - plane.along)
     column = np.rint(crossing).astype(np.intp)
-    far = (
-        surface[v, u]
-        > focal_baseline / np.maximum(plane.along * crossing + plane.down * v + plane.constant, 0.5) + behind
-    )
+    depth = np.maximum(plane.along * crossing + plane.down * v + plane.constant, 0.5)
+    far = surface[v, u] > rig.left.fx * rig.baseline / depth + behind
     inside = (column >= 0) & (column < surface.shape[1])
-    opened = np.zeros(surface.shape, np.uint8)
-    opened[v[far & inside], column[far & inside]] = 1
+    opened = np.zeros(surface.shape, np.bool_)
+    opened[v[far & inside], column[far & inside]] = True
     # What hides a far surface from the right eye bars its ray.
-    opened[v[~far & inside], column[~far & inside]] = 0
+    opened[v[~far & inside], column[~far & inside]] = False
     # Rays a column apart leave no room for a thing between them.
-    closed = cv2.morphologyEx(opened, cv2.MORPH_CLOSE, np.ones((1, 3), np.uint8))
-    found: Mask = closed > 0
+    return _closed(opened, 1, 3)
+
+
+def _distance(disparity: Disparity, rig: StereoRig) -> Floats:
+    """Metres of depth (H, W), 0 where nothing was measured."""
+    values = np.maximum(disparity.values + np.float32(rig.doffs), np.float32(0.5))
+    return np.where(disparity.valid, np.float32(rig.left.fx * rig.baseline) / values, np.float32(0.0))
+
+
+def _distance_of(plane: Plane, rig: StereoRig, shape: tuple[int, ...]) -> Floats:
+    """Metres of depth (H, W) of the plane at each left pixel."""
+    here = np.maximum(plane.over(shape), np.float32(0.5))
+    return np.asarray(rig.left.fx * rig.baseline / here, np.float32)
+
+
+def _on_plane(eyes: BothEyes, rig: StereoRig, plane: Plane, behind: float) -> Mask:
+    """Left pixels (H, W) measured at the plane, or before it."""
+    surface = _distance(eyes.left, rig)
+    found: Mask = eyes.left.valid & (surface < _distance_of(plane, rig, surface.shape) + np.float32(behind))
     return found
+
+
+def _closed(opened: Mask, rows: int, columns: int) -> Mask:
+    square = np.ones((rows, columns), np.uint8)
+    return np.asarray(cv2.morphologyEx(opened.view(np.uint8), cv2.MORPH_CLOSE, square) > 0, np.bool_)
 
 
 def surroundings(disparity: Disparity, rig: StereoRig, hole: Hole) -> float:
@@ -212,6 +229,8 @@ def surroundings(disparity: Disparity, rig: StereoRig, hole: Hole) -> float:
 
 def _plane_sigma(disparity: Disparity) -> float:
     """Neighbouring pixels err together, so a plane is hardly surer than one of them."""
+    if not disparity.valid.any():
+        return float("inf")
     return float(np.median(disparity.sigma_px[disparity.valid]))
 
 

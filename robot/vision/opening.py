@@ -21,7 +21,7 @@ from robot.vision.plan import Plan, proven
 Vector = NDArray[np.float64]
 Index = NDArray[np.intp]
 
-BEARING_STEP = math.radians(0.5)
+BEARING_STEP, WAY_STEP = math.radians(0.5), math.radians(0.25)
 LEADS_TO_M = 1.55
 """A way that leads so far (from the robot's origin) leads somewhere."""
 SHORTEST_M = 1.0
@@ -50,14 +50,11 @@ FLOOR_SLACK_M = 0.12
 class Opening:
     """The narrowest place of the way with most room, robot frame, metres.
 
-    left, right: (x, y) of its two sides; bearing: of the straight way through its middle; room: how wide
-    a body could go straight along it, `beyond` metres past the middle; top: how high the picture shows it.
+    left, right: (x, y) of its two sides; top: how high above the floor the picture shows it.
     """
 
     left: tuple[float, float]
     right: tuple[float, float]
-    bearing: float
-    room: float
     top: float
 
     @property
@@ -75,6 +72,35 @@ class Opening:
         """Of the middle from the robot's origin."""
         return math.hypot(*self.middle)
 
+    @property
+    def bearing(self) -> float:
+        """Of the straight way through its middle."""
+        return math.atan2(self.middle[1], self.middle[0])
+
+
+@dataclass(frozen=True, slots=True)
+class Needed:
+    """What a body needs, metres: its width; proven: the width that must be measured to be empty, room: that
+    must be left between all that may stand; beyond: how far past an opening it must be so."""
+
+    width: float
+    proven: float
+    room: float
+    beyond: float
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """A straight way from the robot's origin: its bearing, and how far it is to the opening, metres."""
+
+    bearing: float
+    distance: float
+
+    @property
+    def place(self) -> tuple[float, float]:
+        """(x, y) of the way in the opening."""
+        return self.distance * math.cos(self.bearing), self.distance * math.sin(self.bearing)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Sides:
@@ -86,19 +112,16 @@ class _Sides:
     right: Vector
 
 
-def widest_opening(plan: Plan, width: float, beyond: float) -> Opening | None:
+def widest_opening(plan: Plan, width: float) -> Opening | None:
     """The opening of the way with the most room; None if no way leads anywhere.
 
     Args:
         plan: where the air is empty.
         width: of the body; a way that has room for it is preferred to a longer one that has not.
-        beyond: how far past its narrowest place the way must be free, metres.
     """
     spread = math.atan(float(plan.tangents[-1])) - math.radians(5.0)
     bearings = plan.pan + np.arange(-spread, spread, BEARING_STEP)
-    blind = plan.distances + _ahead_of_origin(plan) < BLIND_M
-    # Beside the body the view may end; farther on what is not in view is not free.
-    ways = _beside(plan, ~plan.empty & (plan.in_view | ~blind), bearings)
+    ways = _beside(plan, _blocked(plan), bearings)
     things = _beside(plan, ~plan.empty & plan.in_view, bearings)
     lengths = [float(n) for n in np.arange(LEADS_TO_M, SHORTEST_M - 1e-9, -LENGTH_STEP_M)]
     for least in (width, LEAST_ROOM_M):
@@ -106,25 +129,32 @@ def widest_opening(plan: Plan, width: float, beyond: float) -> Opening | None:
             best = _roomiest(ways, length, least)
             if best is None:
                 continue
-            found = _opening(plan, ways, things, best, length, beyond)
+            found = _opening(plan, things, best, length)
             if length == LEADS_TO_M or (found.width < NARROW_M and found.distance + BEYOND_M <= length):
                 return found
     return None
 
 
-def proven_room(air: Air, plan: Plan, found: Opening, beyond: float) -> float:
-    """How wide a body could go straight through the opening by what is measured alone, metres.
+def way_through(air: Air, plan: Plan, found: Opening, needed: Needed) -> Way | None:
+    """The straight way through the opening by which the body surely fits; None if there is none.
 
-    From the narrowest place to `beyond` metres past it every place of its way must be proven empty.
+    The way through the middle if it will do, else the one with most room to spare: where one side of an
+    opening is seen less well, the body keeps away from it.
     """
-    along = (plan.distances + _ahead_of_origin(plan)) / math.cos(found.bearing - plan.pan)
-    rings = np.flatnonzero((along >= found.distance) & (along <= found.distance + beyond))
+    aside = max(found.width - needed.width, 0.0) / (2.0 * found.distance)
+    steps = np.arange(WAY_STEP, aside, WAY_STEP)
+    bearings = found.bearing + np.concatenate([[0.0], -steps, steps])
+    along = plan.distances + _ahead_of_origin(plan)
+    rings = np.flatnonzero((along >= 0.9 * found.distance) & (along <= found.distance + needed.beyond))
     if not len(rings):
-        return 0.0
-    distances = plan.distances[rings]
-    barred = ~np.stack([proven(air, float(d)) for d in distances], axis=1)
-    sides = _beside(replace(plan, distances=distances), barred, np.array([found.bearing]))
-    return 2.0 * float(np.minimum(sides.left, sides.right).min())
+        return None
+    barred = ~np.stack([proven(air, float(d)) for d in plan.distances[rings]], axis=1)
+    proof = _beside(replace(plan, distances=plan.distances[rings]), barred, bearings)
+    ends = found.distance + needed.beyond
+    measured = _room(proof, found.distance, ends) - needed.proven
+    spare = np.minimum(measured, _room(_beside(plan, _blocked(plan), bearings), 0.0, ends) - needed.room)
+    best = 0 if spare[0] >= 0.0 else int(spare.argmax())
+    return Way(float(bearings[best]), found.distance) if spare[best] >= 0.0 else None
 
 
 def floor_reaches(floor: FreeSpace, bearing: float, length: float, width: float) -> bool:
@@ -147,6 +177,20 @@ def floor_reaches(floor: FreeSpace, bearing: float, length: float, width: float)
 
 def _ahead_of_origin(plan: Plan) -> float:
     return float(plan.eye[0] * math.cos(plan.pan) + plan.eye[1] * math.sin(plan.pan))
+
+
+def _blocked(plan: Plan) -> NDArray[np.bool_]:
+    """Places (K, J) a way must not lead through: things, and what is not in view."""
+    # Beside the body the view may end; farther on what is not in view is not free.
+    blind = plan.distances + _ahead_of_origin(plan) < BLIND_M
+    return ~plan.empty & (plan.in_view | ~blind)
+
+
+def _room(sides: _Sides, start: float, end: float) -> Vector:
+    """How wide a body may be, twice the lesser side, on each way (T,) between two distances along it."""
+    within = (sides.along >= start) & (sides.along <= end)
+    room: Vector = 2.0 * np.where(within, np.minimum(sides.left, sides.right), np.inf).min(axis=1)
+    return room
 
 
 def _beside(plan: Plan, barred: NDArray[np.bool_], bearings: Vector) -> _Sides:
@@ -184,8 +228,7 @@ def _nearest_barred(barred: NDArray[np.bool_]) -> tuple[Index, Index]:
 
 def _roomiest(ways: _Sides, length: float, least: float) -> int | None:
     """The way with the most room over this length, of equally roomy ones the middle; None below `least`."""
-    within = ways.along <= length
-    room = 2.0 * np.where(within, np.minimum(ways.left, ways.right), np.inf).min(axis=1)
+    room = _room(ways, 0.0, length)
     best = int(room.argmax())
     if room[best] < least:
         return None
@@ -195,17 +238,13 @@ def _roomiest(ways: _Sides, length: float, least: float) -> int | None:
     return (first + last) // 2
 
 
-def _opening(plan: Plan, ways: _Sides, things: _Sides, chosen: int, length: float, beyond: float) -> Opening:
+def _opening(plan: Plan, things: _Sides, chosen: int, length: float) -> Opening:
     left, right = _narrowest(plan, things, chosen, length)
     x, y = (float(c) for c in 0.5 * (left + right))
-    bearing, distance = math.atan2(y, x), math.hypot(x, y)
-    blind = plan.distances + _ahead_of_origin(plan) < BLIND_M
-    through = _beside(plan, ~plan.empty & (plan.in_view | ~blind), np.array([bearing]))
-    passed = through.along[0] <= distance + beyond
-    room = 2.0 * float(np.minimum(through.left, through.right)[0, passed].min())
-    ring = min(int(np.searchsorted(through.along[0], distance)), len(plan.top) - 1)
+    away = (plan.distances + _ahead_of_origin(plan)) / math.cos(math.atan2(y, x) - plan.pan)
+    ring = min(int(np.searchsorted(away, math.hypot(x, y))), len(plan.top) - 1)
     sides = [(float(p[0]), float(p[1])) for p in (left, right)]
-    return Opening(sides[0], sides[1], bearing, room, float(plan.top[ring]))
+    return Opening(sides[0], sides[1], float(plan.top[ring]))
 
 
 def _narrowest(plan: Plan, things: _Sides, chosen: int, length: float) -> tuple[Vector, Vector]:

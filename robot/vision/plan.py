@@ -26,10 +26,12 @@ RING_RATIO = 1.02
 """Each ring lies so much farther than the one before."""
 EMPTY_SHARE = 0.9
 """Of the rays that cross the body's heights so many must be measured to go on."""
-HANGING_ROWS = 5
-"""So many unproven rows (looked at) between proven ones may be a hanging edge: a board 3 cm thick at 1 m."""
+HANGING_ROWS = 3
+"""So many unproven rows (looked at) between proven ones may be a hanging edge: a board 2 cm thick at 1 m."""
 STANDING_ROWS = 3
 """So many rays of one direction that end before a place bar it; fewer are false matches."""
+THINNEST_M = 0.012
+"""An unproven strip beside an edge that is narrower hides nothing: what stands by itself is wider."""
 IN_VIEW_SHARE = 0.9
 """Of the rows at a distance so many must lie in the picture, or a direction is out of view there."""
 
@@ -62,7 +64,7 @@ def outline(air: Air) -> Plan:
     in_view = expected >= np.maximum(IN_VIEW_SHARE * crossing.sum(axis=0), 1.0)
     in_view &= _moved(in_view, shift)
     left = np.where((air.left == 0.0) & rays.seen, air.foot, air.left)
-    right = by_right_eye(left, air.focal_baseline)
+    right = np.where(air.right > 0.0, air.right, by_right_eye(left, air.focal_baseline))
     empty = _empty(left, rays, distances, expected)
     empty |= _moved(_empty(right, rays, distances, expected), shift)
     top: Vector = rays.height - distances * float(rays.drop.min())
@@ -112,7 +114,9 @@ def proven(air: Air, distance: float) -> Mask:
     measured = _passing(air.left[above], air.right[above], distance, shift)
     found: Mask = measured[rows].mean(axis=0) >= EMPTY_SHARE
     found &= _hanging(measured, int(rows[0])) < HANGING_ROWS
-    return found
+    strip = int(THINNEST_M / (distance * float(rays.tangents[1] - rays.tangents[0])))
+    closed = cv2.morphologyEx(found.view(np.uint8)[None], cv2.MORPH_CLOSE, np.ones((1, strip + 1), np.uint8))
+    return np.asarray(closed[0] > 0, np.bool_)
 
 
 def _passing(left: Floats, right: Floats, distance: float, shift: int) -> Mask:

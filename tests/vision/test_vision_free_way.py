@@ -7,6 +7,7 @@ import pytest
 from exact_maps import exact_map, without
 from rendered_pairs import MOUNT, RIG, TILT, Block, Room, render
 
+from robot.vision.both_eyes import BothEyes
 from robot.vision.free_way import FreeWayFinder
 from robot.vision.section import BoxSection
 from robot.vision.stereo import AdaptiveWeightMatcher
@@ -29,7 +30,7 @@ def exact(room, tilt=LEVEL):
 
 
 def look(found, tilt=LEVEL):
-    return FINDER.joined(found, NOTHING, 0.0, tilt)
+    return FINDER.joined(found, BothEyes.of(found), NOTHING, 0.0, tilt)
 
 
 @pytest.mark.parametrize(("gap", "away"), [(0.45, 0.8), (0.34, 1.2), (0.31, 0.9)])
@@ -132,7 +133,7 @@ def test_a_gap_of_empty_air_is_not_safe_where_the_floor_before_it_ends():
     """The dense map sees nothing there; a corner of the other witness ends the floor (rule 5)."""
     found = exact(gap_room(0.45, 1.1))
     assert look(found).passage.safe
-    passage = FINDER.joined(found, np.array([[0.75, 0.0, 0.05]]), 0.0, LEVEL).passage
+    passage = FINDER.joined(found, BothEyes.of(found), np.array([[0.75, 0.0, 0.05]]), 0.0, LEVEL).passage
     assert passage is not None
     assert not passage.safe
 
@@ -168,7 +169,7 @@ def test_a_sill_ends_the_sectors_before_it_and_unknown_floor_beyond_is_not_free(
 
 def test_the_corners_of_another_witness_end_sectors_too():
     found = exact(Room())
-    free = FINDER.joined(found, np.array([[0.9, 0.0, 0.1]]), 0.0, LEVEL)
+    free = FINDER.joined(found, BothEyes.of(found), np.array([[0.9, 0.0, 0.1]]), 0.0, LEVEL)
     k = int(np.abs(free.bearings).argmin())
     assert free.free[k] == pytest.approx(0.9, abs=0.01)
     assert free.obstacles[-1].tolist() == [0.9, 0.0]

@@ -12,15 +12,22 @@ from calib.model import HeadMount
 from robot.messages import FreeSpace
 from robot.vision.disparity import Disparity
 from robot.vision.floor_aligned import FloorAlignedMatcher
-from robot.vision.freespace import free_space, merge
+from robot.vision.freespace import FloorLimits, from_look, looked
+from robot.vision.sectors import merge
 from robot.vision.stereo import AdaptiveWeightMatcher
 
 MATCHER = FloorAlignedMatcher(AdaptiveWeightMatcher.floors(64), RIG, MOUNT)
+LIMITS = FloorLimits()
+
+
+def free_space(disparity, pan=0.0, tilt=TILT):
+    """Free floor in one disparity map by the default limits."""
+    return from_look(looked(disparity, RIG, MOUNT, pan, tilt, LIMITS), RIG, MOUNT, LIMITS)
 
 
 def look(room, pan=0.0, tilt=TILT, **camera):
     pair = render(room, pan=pan, tilt=tilt, samples=2, **camera)
-    return free_space(MATCHER(pair.left, pair.right, pan, tilt), RIG, MOUNT, pan, tilt)
+    return free_space(MATCHER(pair.left, pair.right, pan, tilt), pan, tilt)
 
 
 def exact(room, pan=0.0, tilt=TILT):
@@ -80,7 +87,7 @@ def test_the_floor_under_a_table_is_free_but_its_legs_are_not():
 def test_a_step_down_is_an_obstacle_at_its_edge():
     # The floor lies 10 cm too low everywhere but where a slab the height of the nominal floor ends at 0.9 m.
     slab = Block(0.4, 0.0, 1.0, 4.0, 0.0, z0=-0.1, seed=5)
-    free = free_space(exact(Room((slab,), floor=-0.1)), RIG, MOUNT, 0.0, TILT)
+    free = free_space(exact(Room((slab,), floor=-0.1)))
     assert 0.75 < ahead(free)[1] < 0.97
     assert len(within(free, 1.1)) > 0
 
@@ -93,21 +100,21 @@ def test_a_tipped_base_sees_no_ramp(tip, lift):
     pair = render(Room(), tilt=TILT + math.radians(tip), mount=tipped, samples=1)
     values = (RIG.left.fx * RIG.baseline / pair.depth).astype(np.float32)
     found = Disparity(values, np.ones(values.shape, np.bool_), np.full(values.shape, 0.2, np.float32))
-    free = free_space(found, RIG, MOUNT, 0.0, TILT)
+    free = free_space(found)
     assert len(within(free, 1.5)) == 0
     assert ahead(free)[1] > 1.5
 
 
 def test_a_step_survives_the_levelling_of_a_tipped_base():
     pair = render(Room((Block(0.9, 0.0, 0.3, 1.0, 0.05),)), tilt=TILT + math.radians(0.8))
-    free = free_space(MATCHER(pair.left, pair.right, 0.0, TILT), RIG, MOUNT, 0.0, TILT)
+    free = free_space(MATCHER(pair.left, pair.right, 0.0, TILT))
     assert 0.6 < ahead(free)[1] < 0.82
 
 
 def test_unmeasured_is_not_free():
     found = exact(Room())
     none = Disparity(found.values, np.zeros_like(found.valid), found.sigma_px)
-    free = free_space(none, RIG, MOUNT, 0.0, TILT)
+    free = free_space(none)
     assert (free.free <= free.near).all()
     assert len(free.obstacles) == 0
 
@@ -117,7 +124,7 @@ def test_a_wide_hole_ends_the_floor_and_a_narrow_one_does_not():
     for rows, reach in ((slice(130, 190), 0.9), (slice(150, 154), 1.5)):
         valid = found.valid.copy()
         valid[rows] = False
-        near, end = ahead(free_space(Disparity(found.values, valid, found.sigma_px), RIG, MOUNT, 0.0, TILT))
+        near, end = ahead(free_space(Disparity(found.values, valid, found.sigma_px)))
         assert near < 0.5
         assert (end < reach) == (reach == 0.9)
 
@@ -134,7 +141,7 @@ def test_the_dark_invents_no_obstacle():
 
 def test_an_eye_that_sees_no_floor_says_nothing():
     found = exact(Room(), tilt=-1.2)
-    free = free_space(found, RIG, MOUNT, 0.0, -1.2)
+    free = free_space(found, tilt=-1.2)
     assert not (free.free > free.near).any()
 
 

@@ -6,6 +6,7 @@ from exact_maps import exact_map, without
 from rendered_pairs import Block, Room, render
 
 from calib.model import HeadMount, StereoRig
+from robot.vision.both_eyes import BothEyes
 from robot.vision.disparity import Disparity
 from robot.vision.free_way import HandWayFinder
 from robot.vision.hole import nearest_plane
@@ -35,7 +36,7 @@ def shown(room):
 
 def passage_of(found, diameter=0.05):
     finder = HandWayFinder(RIG, MOUNT, RoundSection(diameter), AdaptiveWeightMatcher.floors(176))
-    return finder.joined(found, 0.0, 0.0).passage
+    return finder.joined(BothEyes.of(found), 0.0, 0.0).passage
 
 
 @pytest.mark.parametrize(("size", "y"), [(0.08, 0.0), (0.06, 0.015), (0.1, -0.02)])

@@ -1,0 +1,136 @@
+"""What each of two eyes sees, from the one map a matcher gives.
+
+A matcher looks from the left eye. Beside everything near lies a strip that one eye alone sees: left of it in
+the left picture, right of it in the right one. So an opening's left side is seen best by the left eye and its
+right side by the right one; from there the surfaces are continued to the edge (`continuation`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from robot.messages import Image
+from robot.vision.continuation import Surfaces, bridged, to_the_rims, up_and_down
+from robot.vision.disparity import Disparity
+from robot.vision.eye_pair import SMOOTHING_PX, EyePair
+from robot.vision.pair_input import grey_pair
+
+Floats = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+
+ROW_STEP = 2
+"""Every second row is looked at: neighbouring rows of a matcher's map say the same."""
+CONTINUED_SIGMA_PX = 0.3
+"""Of a disparity taken from the surface beside it."""
+LYING, STANDING = (21, 1), (1, 10)
+"""Windows (columns, rows looked at) in which a measured pixel must show texture of its own."""
+LEAST_CORRELATION = 0.4
+"""Of both eyes' gradients in them; noise on a bare surface has none."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BothEyes:
+    """Disparities by the left eye's pixels and by the right eye's, (H, W) each."""
+
+    left: Disparity
+    right: Disparity
+
+    @classmethod
+    def of(cls, disparity: Disparity) -> BothEyes:
+        """Both eyes by the left eye's map alone, nothing continued."""
+        seen = moved_to_right(Surfaces(disparity.values, disparity.valid))
+        return cls(disparity, _as_disparity(seen, disparity.values.shape[0]))
+
+
+def see(disparity: Disparity, left: Image, right: Image) -> BothEyes:
+    """What both eyes see: the measured surfaces continued to where they really end.
+
+    What was measured without texture of its own counts only if the surfaces beside it agree.
+
+    Args:
+        disparity: of the left picture, by any matcher.
+        left, right: the rectified pair it was measured in, (H, W[, 3]) uint8; colours tell edges better.
+
+    Raises:
+        ValueError: pictures that are no pair, or not of the map's size.
+
+    >>> wood = np.random.default_rng(1).integers(0, 255, (40, 120), np.uint8)
+    >>> valid = np.ones((40, 100), np.bool_)
+    >>> valid[10:30, 40:60] = False
+    >>> flat = Disparity(np.full((40, 100), 8.0, np.float32), valid, np.full((40, 100), 0.1, np.float32))
+    >>> eyes = see(flat, wood[:, 8:108], wood[:, 16:116])
+    >>> bool(eyes.left.valid[20, 20:].all()), bool(eyes.right.valid[20, 20:80].all())
+    (True, True)
+    """
+    return _seen(disparity, left, right, plates=False)
+
+
+def see_plates(disparity: Disparity, left: Image, right: Image) -> BothEyes:
+    """Like `see` where no floor is in view: surfaces are continued upwards and downwards too."""
+    return _seen(disparity, left, right, plates=True)
+
+
+def _seen(disparity: Disparity, left: Image, right: Image, *, plates: bool) -> BothEyes:
+    greys = grey_pair(left, right)
+    if greys[0].shape != disparity.values.shape:
+        raise ValueError(f"the disparity map is {disparity.values.shape}, its pictures are {greys[0].shape}")
+    pair = EyePair.of(*((left, right) if left.shape == right.shape else greys), ROW_STEP)
+    values, valid = disparity.values[::ROW_STEP], disparity.valid[::ROW_STEP]
+    textured = valid & own_texture(values, *(grey[::ROW_STEP] for grey in greys))
+    by_left = to_the_rims(bridged(Surfaces(values, textured), pair), pair)
+    by_right = to_the_rims(moved_to_right(by_left).mirrored, pair.mirrored).mirrored
+    if plates:
+        by_left = up_and_down(by_left, pair)
+        by_right = up_and_down(by_right.mirrored, pair.mirrored).mirrored
+    height = disparity.values.shape[0]
+    return BothEyes(_as_disparity(by_left, height), _as_disparity(by_right, height))
+
+
+def own_texture(values: Floats, left: Image, right: Image) -> Mask:
+    """Pixels (H, W) about which both eyes see the same gradients, in a lying window and in a standing one.
+
+    A matcher's window carries the disparity of a textured surface some way into a bare one beside it, or over
+    a thin bare board altogether: there is nothing here by which it was measured.
+    """
+    height, width = values.shape
+    column = np.arange(width, dtype=np.float32)[None, :] - values
+    row = np.repeat(np.arange(height, dtype=np.float32)[:, None], width, axis=1)
+    seen = cv2.remap(right, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    own, other = (
+        cv2.Sobel(cv2.GaussianBlur(eye, (0, 0), SMOOTHING_PX), cv2.CV_32F, 1, 0) for eye in (left, seen)
+    )
+    both, each = own * other, own * own + other * other
+    found: Mask = np.ones((height, width), np.bool_)
+    for window in (LYING, STANDING):
+        found &= 2.0 * cv2.blur(both, window) > LEAST_CORRELATION * cv2.blur(each, window)
+    return found
+
+
+def moved_to_right(surfaces: Surfaces) -> Surfaces:
+    """The same surfaces by the right eye's columns; of two at one column the nearer one."""
+    width = surfaces.values.shape[1]
+    row, column = np.nonzero(surfaces.known)
+    disparity = surfaces.values[row, column]
+    other = column - np.rint(disparity).astype(np.intp)
+    inside = (other >= 0) & (other < width)
+    values, known = np.zeros_like(surfaces.values), np.zeros_like(surfaces.known)
+    # Of what falls on one column the nearer thing lies farther to the right: it is written last.
+    values[row[inside], other[inside]] = disparity[inside]
+    known[row[inside], other[inside]] = True
+    # A surface seen wider by the right eye leaves holes of a column: the nearer neighbour bounds them.
+    hole = ~known[:, 1:-1] & known[:, :-2] & known[:, 2:]
+    values[:, 1:-1][hole] = np.maximum(values[:, :-2], values[:, 2:])[hole]
+    known[:, 1:-1] |= hole
+    return Surfaces(values, known)
+
+
+def _as_disparity(surfaces: Surfaces, height: int) -> Disparity:
+    """A map of all rows, each of those looked at for itself and the next."""
+    step = ROW_STEP if len(surfaces.values) < height else 1
+    values = np.repeat(surfaces.values, step, axis=0)[:height]
+    known = np.repeat(surfaces.known, step, axis=0)[:height]
+    return Disparity(values, known, np.where(known, np.float32(CONTINUED_SIGMA_PX), np.float32(np.inf)))
