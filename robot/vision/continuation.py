@@ -73,10 +73,9 @@ def bridged(surfaces: Surfaces, pair: EyePair) -> Surfaces:
     True
     """
     runs = Runs.of(surfaces.known)
-    between = _between(surfaces.values, runs)
-    one = runs.between & (
-        np.abs(_ends(surfaces.values, runs)[0] - _ends(surfaces.values, runs)[1]) < ONE_SURFACE_PX
-    )
+    left, right = _ends(surfaces.values, runs)
+    one = runs.between & (np.abs(left - right) < ONE_SURFACE_PX)
+    between = _between(left, right, runs)
     unlike = averaged(pair.unlike(np.where(one, between, surfaces.values)))
     limit = alike_limit(unlike, surfaces.known)
     agreed = one & (runs.total(unlike > limit) == 0)
@@ -109,12 +108,14 @@ def to_the_rims(surfaces: Surfaces, pair: EyePair) -> Surfaces:
     mean_left, mean_right = averaged(by_left), averaged(by_right)
     limit = alike_limit(np.where(runs.has_after, mean_right, mean_left), surfaces.known)
 
-    far = _cut(runs, falls, by_left, by_right) & (mean_right <= limit)
+    cut, far = _cut(runs, falls, by_left, by_right)
+    far &= mean_right <= limit
     one = runs.between & (np.abs(left - right) < ONE_SURFACE_PX)
-    back = runs.inside & ~one & runs.has_after & (~runs.has_before | (right <= left))
-    back &= _until(runs, mean_right <= limit, backwards=True) & ~surfaces.known
-    on = runs.inside & ~one & runs.has_before & (~runs.has_after | (left <= right))
-    on &= _until(runs, mean_left <= limit, backwards=False) & ~surfaces.known & ~back
+    unknown = runs.inside & ~surfaces.known & ~one & ~cut
+    back = unknown & runs.has_after & (~runs.has_before | (right <= left))
+    back &= _until(runs, mean_right <= limit, backwards=True)
+    on = unknown & runs.has_before & (~runs.has_after | (left <= right)) & ~back
+    on &= _until(runs, mean_left <= limit, backwards=False)
     values = np.where(far | back, right, np.where(on, left, surfaces.values))
     return Surfaces(values, surfaces.known | far | back | on)
 
@@ -148,22 +149,25 @@ def _ends(values: Floats, runs: Runs) -> tuple[Floats, Floats]:
     return at(values, runs.before), at(values, runs.after)
 
 
-def _between(values: Floats, runs: Runs) -> Floats:
+def _between(left: Floats, right: Floats, runs: Runs) -> Floats:
     """Disparities from one end of each run to the other."""
-    left, right = _ends(values, runs)
-    column = np.arange(values.shape[1], dtype=np.float32)
-    share = (column - runs.before) / np.maximum(runs.length, 1).astype(np.float32)
-    return (left + (right - left) * share).astype(np.float32, copy=False)
+    column = np.arange(left.shape[1], dtype=np.int32)
+    share = (column - runs.before).astype(np.float32) / np.maximum(runs.length, 1).astype(np.float32)
+    return np.asarray(left + (right - left) * share, np.float32)
 
 
-def _cut(runs: Runs, falls: Mask, by_near: NDArray[np.uint8], by_far: NDArray[np.uint8]) -> Mask:
-    """What lies behind the cut of each falling run: the far side of its best cut, if that is sure."""
+def _cut(runs: Runs, falls: Mask, by_near: NDArray[np.uint8], by_far: NDArray[np.uint8]) -> tuple[Mask, Mask]:
+    """The runs that are surely cut in two, and of them what lies behind the cut, on the far side."""
     gain = np.where(falls, by_near.astype(np.float32) - by_far, np.float32(0.0))
-    gain = np.where(falls, cv2.boxFilter(gain, -1, (1, TALL), normalize=False), np.float32(0.0))
-    cut, least, total = runs.cheapest_cut(gain)
-    column = np.arange(falls.shape[1], dtype=np.int32)
-    found: Mask = falls & (column > cut) & (total - least >= SURE)
-    return found
+    gain = cv2.boxFilter(gain, -1, (1, TALL), normalize=False)
+    sure, behind = np.zeros(falls.shape, np.bool_), np.zeros(falls.shape, np.bool_)
+    rows = np.flatnonzero(falls.any(axis=1))
+    if len(rows):
+        falling = falls[rows]
+        cut, least, total = runs.of_rows(rows).cheapest_cut(np.where(falling, gain[rows], np.float32(0.0)))
+        sure[rows] = falling & (total - least >= SURE)
+        behind[rows] = sure[rows] & (np.arange(falls.shape[1], dtype=np.int32) > cut)
+    return sure, behind
 
 
 def _until(runs: Runs, alike: Mask, *, backwards: bool) -> Mask:

@@ -58,6 +58,10 @@ class Runs:
         """Columns from the known pixel before to the one after."""
         return self.after - self.before
 
+    def of_rows(self, rows: NDArray[np.intp]) -> Runs:
+        """The runs of some rows alone."""
+        return Runs(self.inside[rows], self.before[rows], self.after[rows])
+
     def total(self, counted: NDArray[Any]) -> NDArray[np.float64]:
         """Sum over each pixel's run, at every pixel of it; what is known counts nothing.
 
@@ -90,4 +94,5 @@ def at(plane: NDArray[Any], columns: Index) -> NDArray[Any]:
     """Values of a plane (H, W) at one column for every pixel; columns outside take the nearest one."""
     height, width = plane.shape
     rows = np.arange(0, height * width, width, dtype=np.int32)[:, None]
-    return np.take(np.ascontiguousarray(plane), np.clip(columns, 0, width - 1) + rows)
+    inside = np.minimum(np.maximum(columns, np.int32(0)), np.int32(width - 1))
+    return np.take(np.ascontiguousarray(plane), inside + rows)
