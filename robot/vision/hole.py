@@ -25,6 +25,8 @@ Mask = NDArray[np.bool_]
 
 MOUTH_SHARE = 0.2
 """Of the room that must be free behind a plane: what lies behind it by so much is not of its mouth's rim."""
+RIM_SHARE = 1.0 / 3.0
+"""Of the opening's radius: so wide a strip before a measured rim may stay unmeasured."""
 RIM_PX = 8
 """Beside an edge a window measures nothing."""
 CRACK_PX = 9
@@ -101,25 +103,32 @@ def largest_hole(eyes: BothEyes, rig: StereoRig, reach: float, behind: float) ->
     circle = inscribed_circle(front & _seen_through(eyes, rig, flat, behind))
     if circle is None:
         return None
-    mouth = inscribed_circle(_mouth(eyes, rig, flat, MOUTH_SHARE * behind))
+    mouth = _mouth(eyes, rig, flat, MOUTH_SHARE * behind)
     same = mouth is not None and math.dist(mouth.centre, circle.centre) < circle.radius_px
     mouth_px = mouth.diameter_px if mouth is not None and same else circle.diameter_px
     return Hole(circle, mouth_px, flat, _plane_sigma(disparity), plane is not None)
 
 
-def _mouth(eyes: BothEyes, rig: StereoRig, plane: Plane, behind: float) -> Mask:
-    """Left pixels (H, W) of the plane within the opening's rim, whatever lies behind the middle of it.
+def _mouth(eyes: BothEyes, rig: StereoRig, plane: Plane, behind: float) -> Circle | None:
+    """The circle of the plane within the opening's rim, whatever lies behind the middle of it.
 
     Of a small opening before a far background the left eye proves the left end of each row and the right eye
-    the right end; what lies between is seen by one eye alone, and no thing of the plane.
+    the right end; what lies between is seen by one eye alone, and no thing of the plane. Nor is what nobody
+    measured between what is proven and a measured rim: a rim is seen best on the plane's side.
     """
     proven = open_in_plane(eyes, rig, plane, behind)
+    on_plane = _on_plane(eyes, rig, plane, behind)
     here = plane.over(proven.shape)
     far = np.where(eyes.left.valid & proven, eyes.left.values + np.float32(rig.doffs), np.float32(np.inf))
     hidden = float(np.max(here - np.minimum(far.min(), here.min())))
-    return proven | (
-        _closed(proven, 1, math.ceil(max(hidden, 0.0)) + 1) & ~_on_plane(eyes, rig, plane, behind)
-    )
+    mouth = proven | (_closed(proven, 1, math.ceil(max(hidden, 0.0)) + 1) & ~on_plane)
+    circle = inscribed_circle(mouth)
+    if circle is None:
+        return None
+    width = round(RIM_SHARE * circle.radius_px)
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * width + 1, 2 * width + 1))
+    about, beside = (cv2.dilate(mask.view(np.uint8), disc) > 0 for mask in (mouth, on_plane))
+    return inscribed_circle(mouth | (about & beside & ~on_plane))
 
 
 def _seen_through(eyes: BothEyes, rig: StereoRig, plane: Plane, behind: float) -> Mask:
