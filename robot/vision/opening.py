@@ -33,6 +33,8 @@ OPEN_M, OPEN_AT_M = 0.45, 1.05
 """Room beside a way is looked for so far; a way that is nowhere narrower is judged so far ahead."""
 FIRST_NARROW, OPENING_DEPTH_M = 1.25, 0.1
 """A place this much wider than the narrowest counts if it comes first; so deep an opening is looked at."""
+FIRM_M = 0.08
+"""A bare side of an opening may stand so much nearer than where its foot was taken for floor."""
 MOUTH_TIE = 1.03
 """Places so little wider are as narrow."""
 ALIKE_M = 0.005
@@ -145,13 +147,13 @@ def way_through(air: Air, plan: Plan, found: Opening, needed: Needed) -> Way | N
     steps = np.arange(WAY_STEP, aside, WAY_STEP)
     bearings = found.bearing + np.concatenate([[0.0], -steps, steps])
     along = plan.distances + _ahead_of_origin(plan)
-    rings = np.flatnonzero((along >= 0.9 * found.distance) & (along <= found.distance + needed.beyond))
+    rings = np.flatnonzero((along >= found.distance - FIRM_M) & (along <= found.distance + needed.beyond))
     if not len(rings):
         return None
     barred = ~np.stack([proven(air, float(d)) for d in plan.distances[rings]], axis=1)
     proof = _beside(replace(plan, distances=plan.distances[rings]), barred, bearings)
     ends = found.distance + needed.beyond
-    measured = _room(proof, found.distance, ends) - needed.proven
+    measured = _room(proof, found.distance - FIRM_M, ends) - needed.proven
     spare = np.minimum(measured, _room(_beside(plan, _blocked(plan), bearings), 0.0, ends) - needed.room)
     best = 0 if spare[0] >= 0.0 else int(spare.argmax())
     return Way(float(bearings[best]), found.distance) if spare[best] >= 0.0 else None
