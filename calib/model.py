@@ -134,7 +134,7 @@ class HeadMount:
         cp, sp, ct, st = math.cos(pan), math.sin(pan), math.cos(tilt), math.sin(tilt)
         forward = np.array([cp * ct, sp * ct, -st])
         right = np.array([sp, -cp, 0.0])
-        down = np.cross(forward, right)
+        down = np.array([-st * cp, -st * sp, -ct])
         position = (
             np.array([self.forward, 0.0, self.height])
             + self.eye_forward * forward

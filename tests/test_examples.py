@@ -10,7 +10,9 @@ import calib
 import robot
 
 MODULES = sorted(
-    found.name for package in (robot, calib) for found in pkgutil.walk_packages(package.__path__, f"{package.__name__}.")
+    found.name
+    for package in (robot, calib)
+    for found in pkgutil.walk_packages(package.__path__, f"{package.__name__}.")
 )
 
 

@@ -46,19 +46,21 @@ class BothEyes:
         return cls(disparity, _as_disparity(seen, disparity.values.shape[0]))
 
 
-def see(disparity: Disparity, left: Image, right: Image) -> BothEyes:
+def see(disparity: Disparity, left: Image, right: Image, rows: int | None = None) -> BothEyes:
     """What both eyes see: the measured surfaces continued to where they really end.
 
     What was measured without texture of its own counts only if the surfaces beside it agree.
 
     Args:
         disparity: of the left picture, by any matcher.
-        left, right: the rectified pair it was measured in, (H, W[, 3]) uint8; colours tell edges better.
+        left, right: the rectified pair it was measured in, (H, W[, 3]) uint8.
+        rows: so many from the top are looked at, the others left as they were measured; None: all.
 
     Raises:
         ValueError: pictures that are no pair, or not of the map's size.
 
-    >>> wood = np.random.default_rng(1).integers(0, 255, (40, 120), np.uint8)
+    >>> noise = np.random.default_rng(1).integers(0, 255, (40, 120), np.uint8)
+    >>> wood = cv2.GaussianBlur(noise, (0, 0), 1.5)
     >>> valid = np.ones((40, 100), np.bool_)
     >>> valid[10:30, 40:60] = False
     >>> flat = Disparity(np.full((40, 100), 8.0, np.float32), valid, np.full((40, 100), 0.1, np.float32))
@@ -66,28 +68,40 @@ def see(disparity: Disparity, left: Image, right: Image) -> BothEyes:
     >>> bool(eyes.left.valid[20, 20:].all()), bool(eyes.right.valid[20, 20:80].all())
     (True, True)
     """
-    return _seen(disparity, left, right, plates=False)
+    pair, textured = _looked_at(disparity, left, right, rows)
+    by_left = to_the_rims(bridged(textured, pair), pair)
+    by_right = to_the_rims(moved_to_right(by_left).mirrored, pair.mirrored).mirrored
+    return _joined(disparity, by_left, by_right)
 
 
 def see_plates(disparity: Disparity, left: Image, right: Image) -> BothEyes:
     """Like `see` where no floor is in view: surfaces are continued upwards and downwards too."""
-    return _seen(disparity, left, right, plates=True)
+    pair, textured = _looked_at(disparity, left, right, None)
+    by_left = to_the_rims(bridged(textured, pair), pair)
+    by_right = to_the_rims(moved_to_right(by_left).mirrored, pair.mirrored)
+    return _joined(disparity, up_and_down(by_left, pair), up_and_down(by_right, pair.mirrored).mirrored)
 
 
-def _seen(disparity: Disparity, left: Image, right: Image, *, plates: bool) -> BothEyes:
+def _looked_at(disparity: Disparity, left: Image, right: Image, rows: int | None) -> tuple[EyePair, Surfaces]:
+    """The pair and what was measured by texture of its own, every `ROW_STEP`-th of the rows."""
     greys = grey_pair(left, right)
     if greys[0].shape != disparity.values.shape:
         raise ValueError(f"the disparity map is {disparity.values.shape}, its pictures are {greys[0].shape}")
-    pair = EyePair.of(*((left, right) if left.shape == right.shape else greys), ROW_STEP)
-    values, valid = disparity.values[::ROW_STEP], disparity.valid[::ROW_STEP]
-    textured = valid & own_texture(values, *(grey[::ROW_STEP] for grey in greys))
-    by_left = to_the_rims(bridged(Surfaces(values, textured), pair), pair)
-    by_right = to_the_rims(moved_to_right(by_left).mirrored, pair.mirrored).mirrored
-    if plates:
-        by_left = up_and_down(by_left, pair)
-        by_right = up_and_down(by_right.mirrored, pair.mirrored).mirrored
-    height = disparity.values.shape[0]
-    return BothEyes(_as_disparity(by_left, height), _as_disparity(by_right, height))
+    pair = EyePair.of(greys[0][:rows], greys[1][:rows], ROW_STEP)
+    values, valid = disparity.values[:rows:ROW_STEP], disparity.valid[:rows:ROW_STEP]
+    return pair, Surfaces(values, valid & own_texture(values, *(grey[:rows:ROW_STEP] for grey in greys)))
+
+
+def _joined(disparity: Disparity, by_left: Surfaces, by_right: Surfaces) -> BothEyes:
+    """Maps of all rows: those looked at for themselves and the next, the others as they were measured."""
+    height, rest = disparity.values.shape[0], slice(len(by_left.values) * ROW_STEP, None, ROW_STEP)
+    below = Surfaces(disparity.values[rest], disparity.valid[rest])
+    left, right = _over(by_left, below), _over(by_right, moved_to_right(below))
+    return BothEyes(_as_disparity(left, height), _as_disparity(right, height))
+
+
+def _over(above: Surfaces, below: Surfaces) -> Surfaces:
+    return Surfaces(np.vstack([above.values, below.values]), np.vstack([above.known, below.known]))
 
 
 def own_texture(values: Floats, left: Image, right: Image) -> Mask:

@@ -30,6 +30,8 @@ Vector = NDArray[np.float64]
 
 ROW_STEP = 2
 """Every second row is looked at: neighbouring rows of a matcher's map say the same."""
+NEAREST_M = 0.3
+"""Forward from the eyes; rays that land nearer are left to the floor's cells."""
 FOOT_COLUMNS = 11
 """Unmeasured spots of the floor narrower than this are bridged sideways, columns."""
 FLOOR_GAP = 0.1
@@ -137,6 +139,9 @@ def _rays(
     steep = np.where(np.abs(drop) < 1e-4, 1e-4, drop)
     to_low, to_high = (height - heights[0]) / steep, (height - heights[1]) / steep
     enters, leaves = np.maximum(np.minimum(to_low, to_high), 0.0), np.maximum(to_low, to_high)
+    picked, forward, drop, enters, leaves = (
+        a[leaves > NEAREST_M] for a in (picked, forward, drop, enters, leaves)
+    )
     half = math.ceil(max(camera.cx, camera.width - 1 - camera.cx) / float(forward.min()))
     tangents = np.arange(-half, half + 1) / camera.fx
     column = camera.cx + camera.fx * forward[:, None] * tangents

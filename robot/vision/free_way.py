@@ -34,7 +34,7 @@ from robot.vision.floor_aligned import FloorAlignedMatcher
 from robot.vision.freespace import FloorLimits
 from robot.vision.ground import GroundLimits, find_obstacles
 from robot.vision.opening import Needed, Opening, floor_reaches, way_through, widest_opening
-from robot.vision.plan import Plan, ends, outline, standing_points
+from robot.vision.plan import Plan, barred_by, ends, outline, standing_points
 from robot.vision.section import BoxSection, RoundSection
 
 SIGMAS = 2.0
@@ -45,6 +45,8 @@ SEEN_HEIGHT_SHARE = 0.95
 """Of the body's height that the picture must show; the rest is what half a degree of pitch may hide."""
 FIRST_FLOOR_M = 0.3
 """Free floor begins within so much of the picture's lower edge."""
+FOOT_M = 0.45
+"""What stands so near the eyes is told by the floor's cells: edges are sought where openings are."""
 LEAST_RADIUS_PX = 3.0
 EDGE_SIGMA_PX, PROVEN_SIGMA_PX = 1.5, 0.5
 """Of where an opening's side is seen; of where the air before it ends to be proven, which is never beyond."""
@@ -106,7 +108,8 @@ class FreeWayFinder:
         """
         corners = find_obstacles(left, right, self._rig, self._mount, pan, tilt, self._ground).points
         disparity = self._matcher(left, right, pan, tilt)
-        return self.joined(disparity, see(disparity, left, right), corners, pan, tilt)
+        eyes = see(disparity, left, right, self._rows_of_air(tilt))
+        return self.joined(disparity, eyes, corners, pan, tilt)
 
     def joined(
         self, disparity: Disparity, eyes: BothEyes, corners: Points, pan: float, tilt: float
@@ -122,10 +125,17 @@ class FreeWayFinder:
         floor = sectors.merge(sectors.merge(floor, floor.obstacles), corners)
         heights = (floor_limits.step_height, self._section.height)
         air = carve(eyes, rig, mount, pan, tilt, look.level, heights)
-        plan = outline(air)
+        plan = barred_by(outline(air), corners)
         floor = sectors.ended_for_most(sectors.ended_by(floor, standing_points(air)), ends(plan))
         floor = sectors.begun_near(floor, self._first_seen(tilt) + FIRST_FLOOR_M)
         return replace(floor, passage=self._passage(air, plan, floor, pan, tilt))
+
+    def _rows_of_air(self, tilt: float) -> int:
+        """Rows of the picture from the top that look at something `FOOT_M` before the eyes or farther."""
+        _, eye = self._mount.left_eye(0.0, tilt)
+        camera = self._rig.left
+        down = math.tan(math.atan2(float(eye[2]), FOOT_M) - tilt)
+        return int(np.clip(camera.cy + camera.fy * down, 1, camera.height))
 
     def _first_seen(self, tilt: float) -> float:
         """Where the floor straight before the head comes into the picture, metres from the origin."""

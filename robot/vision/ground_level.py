@@ -7,17 +7,15 @@ are near; those that obey one plane are the floor.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.model import HeadMount, Matrix, StereoRig, Vector
 from robot.messages import Image
 from robot.vision.ground_corners import harris_corners, spread
-from robot.vision.ground_matching import EyePictures, fundamental_matrix, match_nearby
+from robot.vision.ground_matching import EyePictures, fundamental_matrix, match_near
 from robot.vision.ground_plane import (
     GroundPlane,
     ground_homography,
@@ -25,25 +23,28 @@ from robot.vision.ground_plane import (
     plane_from_homography,
     plane_from_matches,
 )
-from robot.vision.ground_points import seen_points
-from robot.vision.levelling import FloorLevel
+from robot.vision.ground_points import rays_of, seen_points
+from robot.vision.levelling import REST_SIGMA, FloorLevel
 from robot.vision.pair_input import grey_pair
 
 Mask = NDArray[np.bool_]
 Pixels = NDArray[np.float64]
 
-CORNERS, CORNERS_A_TILE = 70, 1
+CORNERS, CORNERS_A_TILE = 50, 1
+"""Three numbers are sought: fifty matches all over the floor tell them as well as more."""
 FARTHEST_FLOOR_M = 2.4
+"""Farther floor, a third of a pixel a decimetre, tells nothing of its slope that nearer floor does not."""
 REACH_PX = 8.0
 """A base tipped by 1.5 degrees shifts the floor by 2 px, one lifted by 15 mm by at most 4."""
 FEWEST = 8
-PRIOR_SIGMA = (0.005, math.radians(0.5), math.radians(0.3))
-"""How far a base may lie off its nominal stand: lift in metres, slope ahead, slope aside."""
+"""Matches: fewer may all lie on one thing."""
 BOUND_SIGMAS = 3.0
+"""Standard deviations of where a base stands beyond which no floor is believed: that is a ramp or a table."""
 ROUGH_PX = 0.15
 """How far good floor matches scatter beside their own sigma: no floor is a plane."""
 CUT_SIGMAS = 3.0
-GROWING = (0.35, 0.5, 0.65, 0.8, 1.0, 1.0, 1.0)
+"""A match farther off the plane than so many standard deviations has no say."""
+GROWING = (0.35, 0.55, 0.8, 1.0, 1.0)
 """Share of the matches, nearest first, that each round of the fit looks at: the robot stands on floor, and
 from there it is followed outward."""
 SHARED_ERROR = 4.0
@@ -73,7 +74,7 @@ class SeenLevel:
     @classmethod
     def nominal(cls, matches: int) -> SeenLevel:
         """What one knows without looking."""
-        return cls(FloorLevel(), np.diag(np.square(PRIOR_SIGMA)), np.zeros(matches, np.bool_))
+        return cls(FloorLevel(), np.diag(np.square(REST_SIGMA)), np.zeros(matches, np.bool_))
 
     def heights(self, points: Matrix) -> tuple[Vector, Vector]:
         """Heights (N,) over the floor of points (N, 3), robot frame, and the floor's own sigma there."""
@@ -139,30 +140,17 @@ def floor_matches(
     first, if they are known already.
     """
     corners = harris_corners(pictures.half_left) if corners is None else corners
-    corners = corners[_looks_at_floor(corners, rig, rotation, eye)]
+    corners = corners[floor_within(corners, rig, rotation, eye, FARTHEST_FLOOR_M)]
     corners = corners[spread(corners, CORNERS, CORNERS_A_TILE)]
     nominal = ground_homography(rig, rotation, float(eye[2]))
-    height, width = pictures.left.shape
-    warped = cv2.warpPerspective(
-        pictures.right, nominal, (width, height), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    )
-    aligned = EyePictures.of(pictures.left, np.asarray(warped, np.float32))
-    found = match_nearby(aligned, corners, nominal.T @ fundamental_matrix(rig), REACH_PX)
-    there = np.column_stack([found.right, np.ones(len(corners))]) @ nominal.T
-    right = there[:, :2] / there[:, 2:]
-    inside = (right[:, 0] >= 0.0) & (right[:, 0] <= width - 1)
-    sure = found.sure & inside
-    return FloorMatches(corners[sure], right[sure], found.sigma_px[sure])
+    found = match_near(pictures, corners, fundamental_matrix(rig), nominal, REACH_PX)
+    return FloorMatches(corners[found.sure], found.right[found.sure], found.sigma_px[found.sure])
 
 
-def _looks_at_floor(corners: Pixels, rig: StereoRig, rotation: Matrix, eye: Vector) -> Mask:
-    camera = rig.left
-    drop = -(
-        rotation[2, 0] * (corners[:, 0] - camera.cx) / camera.fx
-        + rotation[2, 1] * (corners[:, 1] - camera.cy) / camera.fy
-        + rotation[2, 2]
-    )
-    return np.asarray(drop > eye[2] / FARTHEST_FLOOR_M)
+def floor_within(pixels: Pixels, rig: StereoRig, rotation: Matrix, eye: Vector, reach: float) -> Mask:
+    """Which left pixels (N, 2) would see floor less than `reach` metres of depth away."""
+    drop = -rays_of(pixels, rig.left) @ rotation[2]
+    return np.asarray(drop > eye[2] / reach)
 
 
 def level_of(matches: FloorMatches, rig: StereoRig, rotation: Matrix, eye: Vector) -> SeenLevel:
@@ -174,14 +162,14 @@ def level_of(matches: FloorMatches, rig: StereoRig, rotation: Matrix, eye: Vecto
     """
     seen = seen_points(matches.left, matches.right, np.hypot(matches.sigma_px, ROUGH_PX), rig, rotation)
     rows = np.flatnonzero(seen.before)
-    prior = np.diag(np.square(PRIOR_SIGMA))
+    prior = np.diag(np.square(REST_SIGMA))
     if len(rows) < FEWEST:
         return SeenLevel.nominal(len(matches.left))
     rays, inverse = seen.rays[rows], 1.0 / seen.depth[rows]
     sigma = eye[2] * seen.sigma[rows] * inverse**2
     basis = np.column_stack([inverse, inverse[:, None] * eye[:2] + rays[:, :2]])
     high = inverse * eye[2] + rays[:, 2]
-    held = np.linalg.inv(prior)
+    held = np.diag(1.0 / np.square(REST_SIGMA))
     plane, covariance = np.zeros(3), prior
     rank = np.argsort(np.argsort(-inverse)) / len(rows)
     for share in GROWING:
@@ -192,7 +180,7 @@ def level_of(matches: FloorMatches, rig: StereoRig, rotation: Matrix, eye: Vecto
         weighted = basis * weight[:, None]
         covariance = np.linalg.inv(weighted.T @ basis + held)
         plane = covariance @ (weighted.T @ high)
-    bound = BOUND_SIGMAS * np.asarray(PRIOR_SIGMA)
+    bound = BOUND_SIGMAS * np.asarray(REST_SIGMA)
     lift, ahead, aside = np.clip(plane, -bound, bound).tolist()
     obeyed = np.zeros(len(matches.left), np.bool_)
     obeyed[rows] = np.abs(off) < 1.0

@@ -16,8 +16,17 @@ from numpy.typing import NDArray
 
 from calib.model import Matrix, StereoRig, Vector
 from robot.messages import Image
-from robot.vision.ground_patches import LEAST_CONTRAST, bilinear, normalised, patches_at
+from robot.vision.ground_patches import (
+    LEAST_CONTRAST,
+    bilinear,
+    normalised,
+    patches_at,
+    squares,
+    through_squares,
+)
+from robot.vision.ground_plane import through, to_rays, warp_to_left
 from robot.vision.ground_subpixel import FINE_HALF, placed
+from robot.vision.half_size import half_size, homography_to_half, to_full, to_half
 
 Floats = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -27,18 +36,22 @@ Columns = NDArray[np.float64]
 COARSE_HALF = 3
 """Half the side of the patches compared in the half-size pictures, px of these."""
 LEAST_COARSE, LEAST_CORRELATION = 0.75, 0.85
+"""Correlation of the half-size patches, and of the full ones once they are placed to a fraction."""
 RIVAL_SHARE = 0.95
 """A second peak this share as high as the best makes a match ambiguous."""
 WAY_BACK_PX = 2.0
+"""Way there and way back may differ by a pixel of the half-size pictures."""
 STEEPEST_LINE = 0.6
 """Rise of an epipolar line per column: patches are not turned along it."""
 FARTHEST_STEP_PX, BAND_PX = 2.0, 1.2
 """How far a match may lie from where the small pictures have it, and from its line."""
+WORST_SIGMA_PX = 0.33
+"""One good match in a hundred is worse; a patch that shows two things one behind the other mostly is."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EyePictures:
-    """A pair's pictures as matching wants them: float32 grey, full and half size, a little smoothed."""
+    """A pair's pictures as matching wants them: grey float32 (H, W) 0..255, full and half size."""
 
     left: Floats
     right: Floats
@@ -49,12 +62,7 @@ class EyePictures:
     def of(cls, left: Image | Floats, right: Image | Floats) -> EyePictures:
         """Prepare grey pictures (H, W) of equal size, 0..255."""
         one, other = (np.asarray(g, np.float32) for g in (left, right))
-        return cls(one, other, _half(one), _half(other))
-
-    @property
-    def swapped(self) -> EyePictures:
-        """The right eye's picture first."""
-        return EyePictures(self.right, self.left, self.half_right, self.half_left)
+        return cls(one, other, half_size(one), half_size(other))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,7 +70,7 @@ class EpipolarMatches:
     """Where features (N) of the left picture are in the right one.
 
     right (N, 2): u, v px. sigma_px (N,): standard deviation along the line. correlation (N,): -1..1. sure
-    (N,) bool: well alike, without a rival, and found again from the right picture; others mean nothing.
+    (N,) bool: well alike and without a rival; others mean nothing.
     """
 
     right: Pixels
@@ -73,11 +81,9 @@ class EpipolarMatches:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Found:
-    """Best places of one search: u, v px, score, and whether to believe them."""
+    """Best places (N, 2) of one search in half-size pictures, px of full ones; which (N,) to believe."""
 
-    u: Columns
-    v: Columns
-    score: Floats
+    places: Pixels
     good: Mask
 
 
@@ -91,7 +97,7 @@ def fundamental_matrix(rig: StereoRig) -> Matrix:
     """
     x, y, z = rig.translation
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    found = np.linalg.inv(rig.right.matrix).T @ cross @ rig.R @ np.linalg.inv(rig.left.matrix)
+    found = to_rays(rig.right).T @ cross @ rig.R @ to_rays(rig.left)
     return np.asarray(found / np.linalg.norm(found))
 
 
@@ -99,6 +105,8 @@ def match_in_bands(
     pictures: EyePictures, points: Pixels, fundamental: Matrix, low: Columns, high: Columns
 ) -> EpipolarMatches:
     """Find features of the left picture in bands about their epipolar lines, one pixel to both sides.
+
+    What one eye alone sees may still be like something else by chance: see `leads_back`.
 
     Args:
         pictures: of both eyes.
@@ -118,66 +126,81 @@ def match_in_bands(
     >>> (at - found.right)[:, 0].round(1).tolist(), found.sure.tolist()
     ([12.0, 12.0], [True, True])
     """
-    if len(points) == 0:
-        return EpipolarMatches(np.zeros((0, 2)), np.zeros(0), np.zeros(0), np.zeros(0, np.bool_))
+    count = len(points)
+    sigma, correlation, sure = np.full(count, np.inf), np.zeros(count), np.zeros(count, np.bool_)
+    if not count:
+        return EpipolarMatches(np.zeros((0, 2)), sigma, correlation, sure)
     lines = epipolar_lines(fundamental, points)
-    rough = _coarse(pictures, points, lines, low, high)
-    rows = np.flatnonzero(rough.good)
-    right = np.column_stack([rough.u, rough.v])
-    rows = _found_back(pictures, points, right, fundamental, low, high, np.flatnonzero(rough.good))
-    return _refined(pictures, points, right, rows)
+    rough = _coarse(pictures.half_left, pictures.half_right, points, lines, low, high)
+    right, rows = rough.places, np.flatnonzero(rough.good)
+    if len(rows):
+        start = right[rows]
+        right[rows], sigma[rows], correlation[rows] = placed(
+            pictures.left, pictures.right, points[rows], *squares(start, FINE_HALF)
+        )
+        sure[rows] = _well_placed(right[rows], start, sigma[rows], correlation[rows])
+        sure &= _within(pictures.right, right, FINE_HALF)
+    return EpipolarMatches(right, sigma, correlation, sure)
 
 
-def match_nearby(
-    pictures: EyePictures, points: Pixels, fundamental: Matrix, reach_px: float
+def match_near(
+    pictures: EyePictures, points: Pixels, fundamental: Matrix, homography: Matrix, reach_px: float
 ) -> EpipolarMatches:
-    """The same for pictures so aligned that a match lies within `reach_px` columns of the feature.
+    """Find features of the left picture near where a homography takes them: a plane's own features.
 
+    A plane seen under a flat angle looks slanted to the other eye; here patches are cut out slanted alike.
     Nothing is searched back: the few columns leave little to confuse, and who asks has a model to check by.
 
     Args:
-        pictures, points: see `match_in_bands`.
-        fundamental: (3, 3) of the aligned pair.
-        reach_px: to both sides.
+        pictures, points, fundamental: see `match_in_bands`.
+        homography: (3, 3) takes pixels of the left picture to the right one.
+        reach_px: how far to both sides of there.
 
     Raises:
         ValueError: lines so steep that columns do not run along them.
     """
-    if len(points) == 0:
-        return EpipolarMatches(np.zeros((0, 2)), np.zeros(0), np.zeros(0), np.zeros(0, np.bool_))
-    lines = epipolar_lines(fundamental, points)
-    rough = _coarse(pictures, points, lines, points[:, 0] - reach_px, points[:, 0] + reach_px)
-    return _refined(pictures, points, np.column_stack([rough.u, rough.v]), np.flatnonzero(rough.good))
-
-
-def _refined(pictures: EyePictures, points: Pixels, right: Pixels, rows: NDArray[np.intp]) -> EpipolarMatches:
-    """Matches with `rows` placed to a fraction, the others not sure."""
     count = len(points)
     sigma, correlation, sure = np.full(count, np.inf), np.zeros(count), np.zeros(count, np.bool_)
+    if not count:
+        return EpipolarMatches(np.zeros((0, 2)), sigma, correlation, sure)
+    lines = epipolar_lines(homography.T @ fundamental, points)
+    aligned = warp_to_left(pictures.half_right, homography_to_half(homography))
+    rough = _coarse(
+        pictures.half_left, aligned, points, lines, points[:, 0] - reach_px, points[:, 0] + reach_px
+    )
+    right, rows = through(homography, rough.places), np.flatnonzero(rough.good)
     if len(rows):
         start = right[rows]
         right[rows], sigma[rows], correlation[rows] = placed(
-            pictures.left, pictures.right, points[rows], start
-        )
-        along, across = np.abs(right[rows] - start).T
-        near = (along <= FARTHEST_STEP_PX) & (across <= BAND_PX)
-        sure[rows] = (
-            near & (correlation[rows] >= LEAST_CORRELATION) & _within(pictures.right, right[rows], FINE_HALF)
-        )
+            pictures.left, pictures.right, points[rows],
+            *through_squares(homography, rough.places[rows], FINE_HALF),
+        )  # fmt: skip
+        sure[rows] = _well_placed(right[rows], start, sigma[rows], correlation[rows])
+        sure &= _within(pictures.right, right, FINE_HALF)
     return EpipolarMatches(right, sigma, correlation, sure)
 
 
-def _found_back(
-    pictures: EyePictures, points: Pixels, right: Pixels, fundamental: Matrix, low: Columns, high: Columns,
-    rows: NDArray[np.intp],
-) -> NDArray[np.intp]:  # fmt: skip
-    """Of the matches `rows` those whose right place leads back to the left one, over the same disparities."""
-    if not len(rows):
-        return rows
-    home, there = points[rows, 0], right[rows, 0]
-    lines = epipolar_lines(fundamental.T, right[rows])
-    back = _coarse(pictures.swapped, right[rows], lines, there + home - high[rows], there + home - low[rows])
-    return np.asarray(rows[back.good & (np.abs(back.u - home) <= WAY_BACK_PX)])
+def _well_placed(places: Pixels, start: Pixels, sigma_px: Vector, correlation: Vector) -> Mask:
+    """Which places (N, 2) are alike enough, and where the search in small pictures had them."""
+    along, across = np.abs(places - start).T
+    near = (along <= FARTHEST_STEP_PX) & (across <= BAND_PX)
+    good: Mask = near & (correlation >= LEAST_CORRELATION) & (sigma_px <= WORST_SIGMA_PX)
+    return good
+
+
+def leads_back(
+    pictures: EyePictures, points: Pixels, right: Pixels, fundamental: Matrix, low: Columns, high: Columns
+) -> Mask:
+    """Which matches (N,) are found again the other way, over the same disparities: the left-right check.
+
+    right: (N, 2) px of the right picture, where `match_in_bands` found `points`; the rest as there.
+    """
+    if not len(points):
+        return np.zeros(0, np.bool_)
+    ends = right[:, 0] + points[:, 0]
+    lines = epipolar_lines(fundamental.T, right)
+    back = _coarse(pictures.half_right, pictures.half_left, right, lines, ends - high, ends - low)
+    return back.good & (np.abs(back.places[:, 0] - points[:, 0]) <= WAY_BACK_PX)
 
 
 def epipolar_lines(fundamental: Matrix, points: Pixels) -> Matrix:
@@ -192,48 +215,35 @@ def epipolar_lines(fundamental: Matrix, points: Pixels) -> Matrix:
     return np.asarray(lines / lines[:, 1:2])
 
 
-def alikeness(left: Floats, right: Floats, points: Pixels) -> Floats:
-    """Correlation -1..1 (N,) of the patches about the same pixels (N, 2) of two pictures; 0 where plain."""
-    one, other = (patches_at(g, points[:, 0], points[:, 1], FINE_HALF) for g in (left, right))
-    return np.asarray(np.einsum("nij,nij->n", normalised(one), normalised(other)), np.float32)
+# ------------------------------------------------------------------------------------------ the search
 
 
-# -------------------------------------------------------------------------------------- coarse and fine
+def _coarse(
+    picture: Floats, other: Floats, points: Pixels, lines: Matrix, low: Columns, high: Columns
+) -> _Found:
+    """The best places of points (N, 2) of one half-size picture in the other, along lines (N, 3).
 
-
-def _half(picture: Floats) -> Floats:
-    size = max(picture.shape[1] // 2, 1), max(picture.shape[0] // 2, 1)
-    return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), np.float32)
-
-
-def _coarse(pictures: EyePictures, points: Pixels, lines: Matrix, low: Columns, high: Columns) -> _Found:
-    """The same in pictures of half size, whose pixel k covers 2k and 2k + 1. Places in full pixels."""
-    here = 0.5 * (points - 0.5)
-    halved = np.column_stack(
-        [lines[:, 0], np.ones(len(lines)), 0.5 * (lines[:, 2] + 0.5 + 0.5 * lines[:, 0])]
-    )
-    first, last = np.floor(0.5 * (low - 0.5)) - 1.0, np.ceil(0.5 * (high - 0.5)) + 1.0
+    Points, lines and columns low..high are those of the full pictures.
+    """
+    here = to_half(points)
+    slope = lines[:, :1]
+    halved = np.column_stack([slope, 0.5 * (lines[:, 2:] + 0.5 + 0.5 * slope)])
+    first, last = np.floor(to_half(low)) - 1.0, np.ceil(to_half(high)) + 1.0
     count = int((last - first).max()) + 1
-    patches = normalised(patches_at(pictures.half_left, here[:, 0], here[:, 1], COARSE_HALF))
-    score = _scores(patches, pictures.half_right, halved, first, count)
-    place = first[:, None] + np.arange(count)
-    width = pictures.half_right.shape[1]
-    allowed = (place >= COARSE_HALF) & (place <= width - 1 - COARSE_HALF) & (place <= last[:, None])
-    score = np.where(allowed, score, np.float32(-1.0))
+    score = _scores(normalised(patches_at(picture, here, COARSE_HALF)), other, halved, first, count)
+    step = np.arange(count)
+    place = first[:, None] + step
+    rim = other.shape[1] - 1 - COARSE_HALF
+    score[(place < COARSE_HALF) | (place > np.minimum(rim, last)[:, None])] = -1.0
     at, best = np.arange(len(points)), score.argmax(axis=1)
-    peak = score[at, best]
-    beside = np.abs(np.arange(count) - best[:, None]) > COARSE_HALF
-    rival = np.where(beside, score, np.float32(-1.0)).max(axis=1)
+    peak, u = score[at, best], place[at, best]
+    score[np.abs(step - best[:, None]) <= COARSE_HALF] = -1.0
     # At the band's end it may rise further outside.
-    ends = (best == 0) | (best >= np.minimum(last - first, count - 1)) | (place[at, best] <= COARSE_HALF)
-    good = (
-        (peak >= LEAST_COARSE)
-        & (rival < RIVAL_SHARE * peak)
-        & ~ends
-        & _within(pictures.half_left, here, COARSE_HALF)
-    )
-    u = 2.0 * place[at, best] + 0.5
-    return _Found(u, -(lines[:, 0] * u + lines[:, 2]), peak, good)
+    ends = (best == 0) | (best >= last - first) | (u <= COARSE_HALF)
+    good = (peak >= LEAST_COARSE) & (score.max(axis=1) < RIVAL_SHARE * peak) & ~ends
+    good &= _within(picture, here, COARSE_HALF)
+    full = to_full(u)
+    return _Found(np.column_stack([full, -(lines[:, 0] * full + lines[:, 2])]), good)
 
 
 def _within(picture: Floats, points: Pixels, half: int) -> Mask:
@@ -244,18 +254,19 @@ def _within(picture: Floats, points: Pixels, half: int) -> Mask:
 
 
 def _scores(patches: Floats, other: Floats, lines: Matrix, first: Columns, count: int) -> Floats:
-    """Correlation (N, count) of patches (N, S, S) with columns first.. of the lines."""
-    number, side = patches.shape[:2]
-    half = side // 2
+    """Correlation (N, count) of normal patches (N, S S) along lines v = -(a u + c), (N, 2): a, c."""
+    number, half = len(patches), COARSE_HALF
+    side = 2 * half + 1
     long = count + 2 * half
     u = (first[:, None] + np.arange(-half, count + half)).astype(np.float32)
-    v = -(lines[:, :1].astype(np.float32) * u + lines[:, 2:].astype(np.float32))
+    v = -(lines[:, :1].astype(np.float32) * u + lines[:, 1:].astype(np.float32))
     off = np.arange(-half, half + 1, dtype=np.float32)
-    v_all = v[:, None, :] + off[:, None]
-    u_all = np.repeat(u[:, None, :], side, axis=1)
-    band = bilinear(other, u_all.reshape(-1, long), v_all.reshape(-1, long))
+    v_all = (v[:, None, :] + off[:, None]).reshape(number, -1)
+    u_all = np.broadcast_to(u[:, None, :], (number, side, long)).reshape(number, -1)
+    band = bilinear(other, u_all, v_all).reshape(number, side, long)
+    # Small numbers keep their sums of squares exact.
     band -= np.float32(128.0)
-    return _correlated(patches, band.reshape(number, side, long))
+    return _correlated(patches.reshape(number, side, side), band)
 
 
 def _correlated(patches: Floats, band: Floats) -> Floats:
@@ -275,9 +286,5 @@ def _correlated(patches: Floats, band: Floats) -> Floats:
 
 def _sums(values: Floats, side: int) -> Floats:
     """Sums of `side` neighbours along rows (N, W) -> (N, W - S + 1)."""
-    return np.asarray(
-        cv2.boxFilter(values, cv2.CV_32F, (side, 1), normalize=False, anchor=(0, 0))[
-            :, : values.shape[1] - side + 1
-        ],
-        np.float32,
-    )
+    summed = cv2.boxFilter(values, cv2.CV_32F, (side, 1), normalize=False, anchor=(0, 0))
+    return np.asarray(summed[:, : values.shape[1] - side + 1], np.float32)

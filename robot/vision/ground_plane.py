@@ -8,15 +8,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TypeVar
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.model import Matrix, StereoRig, Vector
+from calib.model import Camera, Matrix, StereoRig, Vector
 
 Mask = NDArray[np.bool_]
 Pixels = NDArray[np.float64]
+Grey = TypeVar("Grey", NDArray[np.uint8], NDArray[np.float32])
 
 LEAST_SPREAD_PX = 3.0
 """Matches that lie so near to one line hold no homography."""
@@ -63,7 +65,7 @@ class GroundPlane:
     def homography(self, rig: StereoRig) -> Matrix:
         """The 3x3 matrix that takes its pixels of the left picture to the right one."""
         plane = rig.R + np.outer(rig.translation, self.normal) / self.height
-        return np.asarray(rig.right.matrix @ plane @ np.linalg.inv(rig.left.matrix))
+        return np.asarray(rig.right.matrix @ plane @ to_rays(rig.left))
 
 
 def ground_homography(rig: StereoRig, rotation: Matrix, height: float) -> Matrix:
@@ -85,6 +87,34 @@ def ground_homography(rig: StereoRig, rotation: Matrix, height: float) -> Matrix
     (3, 3)
     """
     return GroundPlane.below(rotation, height).homography(rig)
+
+
+def to_rays(camera: Camera) -> Matrix:
+    """K^-1 (3, 3): takes homogeneous pixels to lines of sight, camera frame.
+
+    >>> eye = Camera(352, 288, 305.0, 300.0, 175.5, 143.5)
+    >>> bool(np.allclose(to_rays(eye) @ eye.matrix, np.eye(3)))
+    True
+    """
+    across, down = 1.0 / camera.fx, 1.0 / camera.fy
+    return np.array([[across, 0.0, -camera.cx * across], [0.0, down, -camera.cy * down], [0.0, 0.0, 1.0]])
+
+
+def warp_to_left(right: Grey, homography: Matrix) -> Grey:
+    """The right picture, grey (H, W), as the left eye would see it if all lay on the floor; 0 elsewhere."""
+    size = (right.shape[1], right.shape[0])
+    warped = cv2.warpPerspective(right, homography, size, flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
+    return np.asarray(warped, right.dtype)
+
+
+def through(homography: Matrix, pixels: Pixels) -> Pixels:
+    """Where a homography (3, 3) takes pixels (N, 2).
+
+    >>> through(np.diag([2.0, 2.0, 1.0]), np.array([[3.0, 4.0]])).tolist()
+    [[6.0, 8.0]]
+    """
+    seen = pixels @ homography[:, :2].T + homography[:, 2]
+    return np.asarray(seen[:, :2] / seen[:, 2:])
 
 
 def homography_from_matches(left: Pixels, right: Pixels, tolerance_px: float = 1.5) -> tuple[Matrix, Mask]:
@@ -137,7 +167,7 @@ def plane_from_homography(homography: Matrix, rig: StereoRig) -> GroundPlane:
     >>> round(seen.tilt, 6), round(seen.height, 6)
     (0.3, 0.25)
     """
-    wanted = np.linalg.inv(rig.right.matrix) @ np.asarray(homography, np.float64) @ rig.left.matrix
+    wanted = to_rays(rig.right) @ np.asarray(homography, np.float64) @ rig.left.matrix
     shift = np.asarray(rig.translation)
     # A = s R + t w': nine equations, unknown s and w.
     system = np.column_stack([rig.R.ravel(), np.kron(shift[:, None], np.eye(3))])
@@ -166,7 +196,7 @@ def plane_from_matches(left: Pixels, right: Pixels, rig: StereoRig, start: Groun
     a, b = np.asarray(left, np.float64).reshape(-1, 2), np.asarray(right, np.float64).reshape(-1, 2)
     if len(a) != len(b) or len(a) < 3:
         raise ValueError(f"a plane needs 3 or more pairs, got {len(a)} left and {len(b)} right")
-    rays = np.column_stack([a, np.ones(len(a))]) @ np.linalg.inv(rig.left.matrix).T
+    rays = np.column_stack([a, np.ones(len(a))]) @ to_rays(rig.left).T
     turned, shift = rays @ rig.R.T, np.asarray(rig.translation)
     focal, centre = (rig.right.fx, rig.right.fy), (rig.right.cx, rig.right.cy)
     bent = np.asarray(start.normal) / start.height

@@ -9,32 +9,34 @@ from __future__ import annotations
 
 import math
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.model import Camera, Matrix, Vector
+from calib.model import Camera, Vector
+from robot.vision.ground_patches import bilinear, normalised, offsets, patches_at
 from robot.vision.ground_plane import GroundPlane
+from robot.vision.ground_points import rays_of
 
 Floats = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 Pixels = NDArray[np.float64]
 
-HALF_PX = 6
+HALF_PX = 3
+"""Half the side of the patches compared."""
 LEAST_LIKENESS = 0.75
-LEAST_CONTRAST = 2.0
+"""Correlation of a mirrored patch with its twin: floor with floor is below 0.5."""
 FOOT_M = 0.12
 """Mirrored points of one thing stand within this of one another, seen from above."""
 FEWEST_TWINS = 2
-DEEP_PX = 8.0
-"""So far from where floor would be matched, a patch is like floor by chance alone."""
+"""One likeness alone is chance."""
+SLIDES_PX = (-1.0, 0.0, 1.0)
+"""A depth off by a little puts the twin so much higher or lower."""
 FLOOR_LIKENESS = 0.6
+"""Correlation of both eyes' patches where floor is expected, from which on it looks like floor."""
 AMID_PX, AMID_LEAST, AMID_SHARE = 28.0, 4, 0.4
 """Half a neighbourhood's side, the fewest corners like floor in it, and their share: by chance it is 0.1."""
 AMID_GAP = math.radians(150.0)
 """Floor about a point leaves no gap so wide; behind a straight edge it leaves 180 degrees or more."""
-SLIDES_PX = (-2.0, 0.0, 2.0)
-"""A depth off by a little puts the twin so much higher or lower."""
 
 
 def mirrored(
@@ -46,10 +48,10 @@ def mirrored(
     (most of a tall thing's mirror image has its twin above the picture).
 
     Args:
-        picture: (H, W) left, grey float32.
-        camera: the left eye, undistorted.
+        picture: (H, W) left, grey float32, of half size: a patch there covers 14 pixels of the full one.
+        camera: the left eye's at that size, undistorted.
         plane: the floor before it.
-        pixels, depth, sigma: (N, 2) px, (N,) m, (N,) m: the points below the floor.
+        pixels, depth, sigma: (N, 2) px of `picture`, (N,) m, (N,) m: the points below the floor.
     """
     if not len(pixels):
         return np.zeros(0, np.bool_)
@@ -57,7 +59,7 @@ def mirrored(
     if alike.sum() < FEWEST_TWINS:
         return np.zeros(len(pixels), np.bool_)
     normal = np.asarray(plane.normal)
-    points = np.column_stack([_ray(camera, pixels), np.ones(len(pixels))]) * depth[:, None]
+    points = rays_of(pixels, camera) * depth[:, None]
     # Seen from above: the floor's normal taken out.
     flat = points - (points @ normal)[:, None] * normal
     apart = np.linalg.norm(flat[:, None] - flat[None, alike], axis=2)
@@ -73,39 +75,20 @@ def twin_likeness(
     0 where the twin lies outside the picture or there is no contrast. The patch is taken for upright and
     facing the eye: each of its pixels is put at the point's depth, mirrored at the plane and seen again.
     """
-    step = np.arange(-HALF_PX, HALF_PX + 1, dtype=np.float64)
-    dv, du = np.meshgrid(step, step, indexing="ij")
-    u, v = pixels[:, 0, None] + du.ravel(), pixels[:, 1, None] + dv.ravel()
-    here = _sample(picture, u, v)
+    side = offsets(HALF_PX).T
+    around = (pixels[:, None, :] + side).reshape(-1, 2)
     normal = np.asarray(plane.normal)
-    rays = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones_like(u)], axis=-1)
-    points = rays * depth[:, None, None]
-    above = points - 2.0 * (points @ normal - plane.height)[..., None] * normal
-    ahead = np.maximum(above[..., 2], 1e-3)
-    twin_u = camera.cx + camera.fx * above[..., 0] / ahead
-    twin_v = camera.cy + camera.fy * above[..., 1] / ahead
+    points = rays_of(around, camera) * np.repeat(depth, len(side))[:, None]
+    above = points - 2.0 * (points @ normal - plane.height)[:, None] * normal
+    twins = (above / np.maximum(above[:, 2:], 1e-3)) @ camera.matrix.T
+    u, v = (twins[:, k].reshape(-1, len(side)).astype(np.float32) for k in (0, 1))
     height, width = picture.shape
-    inside = (twin_u.min(axis=1) >= 0.0) & (twin_u.max(axis=1) <= width - 1)
-    inside &= (twin_v.min(axis=1) >= 0.0) & (twin_v.max(axis=1) <= height - 1)
-    likeness = np.max([_correlation(here, _sample(picture, twin_u, twin_v + by)) for by in SLIDES_PX], axis=0)
-    return np.where(inside, likeness, 0.0)
-
-
-def _ray(camera: Camera, pixels: Pixels) -> Matrix:
-    return np.asarray((pixels - (camera.cx, camera.cy)) / (camera.fx, camera.fy))
-
-
-def _sample(picture: Floats, u: Matrix, v: Matrix) -> Floats:
-    at_u, at_v = u.astype(np.float32), v.astype(np.float32)
-    found = cv2.remap(picture, at_u, at_v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(found, np.float32)
-
-
-def _correlation(one: Floats, other: Floats) -> Vector:
-    a, b = one - one.mean(axis=1, keepdims=True), other - other.mean(axis=1, keepdims=True)
-    spread = a.std(axis=1) * b.std(axis=1)
-    clear = (a.std(axis=1) >= LEAST_CONTRAST) & (b.std(axis=1) >= LEAST_CONTRAST)
-    return np.where(clear, (a * b).mean(axis=1) / np.maximum(spread, 1e-6), 0.0).astype(np.float64)
+    inside = (u.min(axis=1) >= 0.0) & (u.max(axis=1) <= width - 1)
+    inside &= (v.min(axis=1) >= 0.0) & (v.max(axis=1) <= height - 1)
+    here = normalised(patches_at(picture, pixels, HALF_PX))
+    there = [normalised(bilinear(picture, u, v + np.float32(by))) for by in SLIDES_PX]
+    likeness = np.max([np.einsum("nm,nm->n", here, twin) for twin in there], axis=0)
+    return np.where(inside, likeness, 0.0).astype(np.float64)
 
 
 def amid_floor(pixels: Pixels, corners: Pixels, floor: Mask) -> Mask:
@@ -121,14 +104,24 @@ def amid_floor(pixels: Pixels, corners: Pixels, floor: Mask) -> Mask:
         corners: (M, 2) px, corners of the left picture.
         floor: (M,) bool: which of them look alike in both eyes where floor is expected.
     """
+    counts, like = (_near(pixels, corners[kept]) for kept in (slice(None), floor))
+    enough = np.flatnonzero(like.sum(axis=1) >= np.maximum(AMID_LEAST, AMID_SHARE * counts.sum(axis=1)))
     amid = np.zeros(len(pixels), np.bool_)
-    for k, pixel in enumerate(pixels):
-        towards = corners - pixel
-        near = np.abs(towards).max(axis=1) < AMID_PX
-        on_floor = towards[near & floor]
-        if len(on_floor) >= max(AMID_LEAST, AMID_SHARE * near.sum()):
-            amid[k] = _widest_gap(np.arctan2(on_floor[:, 1], on_floor[:, 0])) < AMID_GAP
+    for k in enough:
+        towards = corners[floor][like[k]] - pixels[k]
+        amid[k] = _widest_gap(np.arctan2(towards[:, 1], towards[:, 0])) < AMID_GAP
     return amid
+
+
+def near_any(pixels: Pixels, corners: Pixels) -> Mask:
+    """Which corners (M,) lie in the neighbourhood of any of the pixels: `amid_floor` asks for no others."""
+    return np.asarray(_near(pixels, corners).any(axis=0))
+
+
+def _near(pixels: Pixels, corners: Pixels) -> Mask:
+    """Which corners (M, 2) lie in the neighbourhoods of pixels (N, 2), (N, M)."""
+    across, down = (np.abs(pixels[:, None, k] - corners[:, k]) < AMID_PX for k in (0, 1))
+    return np.asarray(across & down)
 
 
 def _widest_gap(angles: Vector) -> float:

@@ -14,12 +14,13 @@ Floats = NDArray[np.float32]
 NEAR_FLOOR_M = 0.06
 """Heights beyond this belong to things, not to a floor seen tipped."""
 MOST_PIXELS, FEWEST_PIXELS = 3000, 60
+"""More tell no more of a plane's three numbers; fewer are a thing's foot as well as a floor."""
 INDEPENDENT = 50.0
 """Neighbouring pixels err together: all of them weigh as so many independent ones."""
 REST_SIGMA = (0.005, math.radians(0.5), math.radians(0.3))
 """How far a base may lie off: lift in metres, slope ahead, slope aside. Holds what no pixel speaks of."""
 SCALES_M = (0.035, 0.025, 0.018, 0.018)
-"""Tukey's biweight narrows from the nominal plane: a low step must not lift the floor, a tipped floor may."""
+"""Half widths of Tukey's biweight, which narrows: a low step must not lift the floor, a tipped floor may."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,9 +19,9 @@ from robot.vision.carving import Air
 from robot.vision.plan import Plan, proven
 
 Vector = NDArray[np.float64]
-Index = NDArray[np.intp]
+Index = NDArray[np.int32]
 
-BEARING_STEP, WAY_STEP = math.radians(0.5), math.radians(0.25)
+BEARING_STEP, WAY_STEP = math.radians(0.5), math.radians(0.4)
 LEADS_TO_M = 1.55
 """A way that leads so far (from the robot's origin) leads somewhere."""
 SHORTEST_M = 1.0
@@ -123,8 +123,9 @@ def widest_opening(plan: Plan, width: float) -> Opening | None:
     """
     spread = math.atan(float(plan.tangents[-1])) - math.radians(5.0)
     bearings = plan.pan + np.arange(-spread, spread, BEARING_STEP)
-    ways = _beside(plan, _blocked(plan), bearings)
-    things = _beside(plan, ~plan.empty & plan.in_view, bearings)
+    ways, things = (
+        _beside(plan, barred, bearings) for barred in (_blocked(plan), ~plan.empty & plan.in_view)
+    )
     lengths = [float(n) for n in np.arange(LEADS_TO_M, SHORTEST_M - 1e-9, -LENGTH_STEP_M)]
     for least in (width, LEAST_ROOM_M):
         for length in lengths:
@@ -147,7 +148,9 @@ def way_through(air: Air, plan: Plan, found: Opening, needed: Needed) -> Way | N
     steps = np.arange(WAY_STEP, aside, WAY_STEP)
     bearings = found.bearing + np.concatenate([[0.0], -steps, steps])
     along = plan.distances + _ahead_of_origin(plan)
-    rings = np.flatnonzero((along >= found.distance - FIRM_M) & (along <= found.distance + needed.beyond))
+    asked = (along >= found.distance - FIRM_M) & (along <= found.distance + needed.beyond)
+    # Rings lie two centimetres apart: nothing hides between every second of them.
+    rings = np.flatnonzero(asked)[::2]
     if not len(rings):
         return None
     barred = ~np.stack([proven(air, float(d)) for d in plan.distances[rings]], axis=1)
@@ -222,9 +225,9 @@ def _beside(plan: Plan, barred: NDArray[np.bool_], bearings: Vector) -> _Sides:
 
 def _nearest_barred(barred: NDArray[np.bool_]) -> tuple[Index, Index]:
     """For every column (K, J) the last barred column at or before it (-1: none) and the next at or after."""
-    index = np.arange(len(barred))[:, None]
-    last = np.maximum.accumulate(np.where(barred, index, -1), axis=0)
-    following = np.minimum.accumulate(np.where(barred, index, len(barred))[::-1], axis=0)[::-1]
+    index = np.arange(len(barred), dtype=np.int32)[:, None]
+    last = np.maximum.accumulate(np.where(barred, index, np.int32(-1)), axis=0)
+    following = np.minimum.accumulate(np.where(barred, index, np.int32(len(barred)))[::-1], axis=0)[::-1]
     return last, following
 
 

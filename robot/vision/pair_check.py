@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from calib.model import StereoRig
 from robot.messages import Image
+from robot.vision.pair_input import grey_pair, refuse_other_size
 from robot.vision.pair_matches import PairMatches, pair_matches
 
 Vector = NDArray[np.float64]
@@ -41,6 +42,8 @@ OFF_YAW = math.radians(0.7)
 f = 305 px, while rows are off by 0.3 px only."""
 SURE = 3.0
 """Standard deviations beyond a limit that make one look sure of it."""
+SUSPECTED = 2.0
+"""Standard deviations of yaw from which on what it may do to disparities accuses nobody of exchanged eyes."""
 REST = (0.05, 0.05, 0.05, 0.05)
 """What is believed of pitch, roll, stretch and yaw beforehand (standard deviations): keeps at nought what the
 matches do not show."""
@@ -56,6 +59,10 @@ BISQUARE = 4.685
 LEAST_SHIFT_PX = 2.0
 """Disparities up to this say nothing of the sign: far things, a small error of the principal points."""
 LEAST_VOTES, MAJORITY = 8, 0.9
+"""So many matches must say the eyes are exchanged, and such a share of all that say anything: a few chance
+matches never do."""
+ROLL_SCALE, STRETCH_SCALE = math.radians(0.35), 0.007
+"""As wrong as OFF_PX of offset: what moves matches so far at half a picture's width or height."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +133,7 @@ def check_pair(left: Image, right: Image, rig: StereoRig) -> PairCheck:
     left, right: (H, W, 3) BGR or (H, W) grey uint8; rig: the parallel rig whose pair this is meant to be.
 
     Raises:
-        ValueError: pictures of different size, of another type, or empty.
+        ValueError: pictures of different size, of another type, empty, or not of the rig's size.
 
     >>> import cv2
     >>> rig = StereoRig.parallel(240, 120, 210.0, 0.06)
@@ -136,7 +143,9 @@ def check_pair(left: Image, right: Image, rig: StereoRig) -> PairCheck:
     >>> round(bumped.offset_px, 1), bumped.misrectified, bumped.swapped
     (2.0, True, False)
     """
-    return check_matches(pair_matches(left, right), rig)
+    greys = grey_pair(left, right)
+    refuse_other_size(greys[0], rig)
+    return check_matches(pair_matches(*greys), rig)
 
 
 def check_matches(matches: PairMatches, rig: StereoRig) -> PairCheck:
@@ -151,8 +160,8 @@ def check_matches(matches: PairMatches, rig: StereoRig) -> PairCheck:
     near = np.abs(drop - fitted @ basis) <= WITHIN_PX
     agreement = float(near.mean())
     yaw_sigma = math.sqrt(float(covariance[3, 3]))
-    # Eyes that are surely turned to one another shift all disparities: no wonder then if some are negative.
-    turned_px = eye.fx * abs(float(fitted[3])) if abs(float(fitted[3])) > SURE * yaw_sigma else 0.0
+    # Eyes turned to one another shift all disparities: no wonder then if some are negative.
+    turned_px = eye.fx * abs(float(fitted[3])) if abs(float(fitted[3])) > SUSPECTED * yaw_sigma else 0.0
     kept = PairMatches(matches.left[near], matches.right[near])
     agreed = agreement >= LEAST_AGREEMENT
     votes = sign_votes(kept, rig.doffs, LEAST_SHIFT_PX + turned_px) if agreed else SignVotes(0, 0)
@@ -183,7 +192,10 @@ def sign_votes(matches: PairMatches, doffs: float = 0.0, least_shift_px: float =
 def complaint(check: PairCheck) -> str | None:
     """One line that names what is wrong with the pair and the likely cause; None if nothing is for sure."""
     if check.swapped:
-        return "left and right picture are exchanged (everything moved the wrong way): give LEFT first"
+        return (
+            "left and right picture are exchanged (everything moved the wrong way; or both are mirrored): "
+            "give LEFT first"
+        )
     return misrectified_words(check) if check.misrectified else None
 
 
@@ -191,8 +203,8 @@ def misrectified_words(check: PairCheck) -> str:
     """How the right picture lies, by what is most off, and what to do about it."""
     wide = {
         "offset": abs(check.offset_px) / OFF_PX,
-        "roll": abs(check.roll) / math.radians(0.35),
-        "stretch": abs(check.stretch) / 0.007,
+        "roll": abs(check.roll) / ROLL_SCALE,
+        "stretch": abs(check.stretch) / STRETCH_SCALE,
         "yaw": abs(check.yaw) / OFF_YAW,
     }
     said = {

@@ -5,6 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from calib.model import StereoRig
 from robot.messages import Image
 
 
@@ -24,6 +25,20 @@ def grey_pair(left: Image, right: Image) -> tuple[Image, Image]:
     if left.shape[:2] != right.shape[:2]:
         raise ValueError(f"eyes of different size: left {left.shape[:2]}, right {right.shape[:2]}")
     return _grey("left", left), _grey("right", right)
+
+
+def refuse_other_size(picture: Image, rig: StereoRig) -> None:
+    """A picture (H, W, ...) must be of the size its rig is calibrated at.
+
+    Raises:
+        ValueError: it is not.
+    """
+    height, width = picture.shape[:2]
+    if (width, height) != (rig.left.width, rig.left.height):
+        raise ValueError(
+            f"the pictures are {width}x{height}, the rig {rig.left.width}x{rig.left.height}: "
+            "calibrate at this size"
+        )
 
 
 def _grey(name: str, image: Image) -> Image:

@@ -15,23 +15,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot.messages import Image
+from robot.vision.half_size import half_size, to_full
 from robot.vision.pair_input import grey_pair
 
 Points = NDArray[np.float64]
 Floats = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
+SMOOTHING_PX = 0.8
+"""Standard deviation of the Gaussian that takes noise out of the half-size pictures."""
 CORNERS = 160
 """At most so many of each eye; strong ones first."""
 QUALITY, SPACING_PX = 0.01, 5
+"""Least response of a corner as a share of the strongest one's; pixels between two, half-size picture."""
 HALF_PX = 5
-"""Half a corner's surroundings; like SPACING_PX in the half-size picture."""
+"""Half the side of a corner's surroundings, in the half-size picture."""
 LEAST_CONTRAST = 2.5
 """Standard deviation of the surroundings, grey levels: less is a webcam's noise."""
+GAINS = (0.25, 4.0)
+"""The eyes' contrasts are made alike within this ratio: more would be made of noise."""
 REACH_ROWS_PX = 24
 """Searched up and down: 4 degrees at the base's focal length."""
 LEAST_CORRELATION, RIVAL_MARGIN = 0.8, 0.08
+"""Least likeness of a match, and by how much it must exceed that of every other corner."""
 FINE_WINDOW_PX = 21
+"""Window of the fine search: a corner's surroundings in full pixels."""
 FINE_STEP_PX = 4.0
 """The fine search may move a match by so much: its corners are whole half-size pixels."""
 WORST_RESIDUAL = 12.0
@@ -62,17 +70,15 @@ def pair_matches(left: Image, right: Image) -> PairMatches:
     """
     grey_left, grey_right = grey_pair(left, right)
     grey_right = _exposed_as(grey_left, grey_right)
-    small_left, small_right = _half_size(grey_left), _half_size(grey_right)
-    corners_left, about_left = _corners(small_left)
-    corners_right, about_right = _corners(small_right)
+    corners_left, about_left = _corners(_smooth_half(grey_left))
+    corners_right, about_right = _corners(_smooth_half(grey_right))
     if not len(corners_left) or not len(corners_right):
         return PairMatches(np.zeros((0, 2)), np.zeros((0, 2)))
     alike = about_left @ about_right.T
     apart = np.abs(corners_left[:, None, 1] - corners_right[None, :, 1])
     alike[apart > REACH_ROWS_PX // 2 + 1] = -1.0
     one, other = _sure_pairs(alike)
-    # Pixel k of the half-size picture covers pixels 2k and 2k + 1.
-    return _placed(grey_left, grey_right, 2.0 * corners_left[one] + 0.5, 2.0 * corners_right[other] + 0.5)
+    return _placed(grey_left, grey_right, to_full(corners_left[one]), to_full(corners_right[other]))
 
 
 def _exposed_as(reference: Image, image: Image) -> Image:
@@ -80,14 +86,12 @@ def _exposed_as(reference: Image, image: Image) -> Image:
     (mean, spread), (wanted_mean, wanted_spread) = (
         (float(grey.mean()), float(grey[::4, ::4].std())) for grey in (image, reference)
     )
-    gain = float(np.clip(wanted_spread / max(spread, 1.0), 0.25, 4.0))
+    gain = float(np.clip(wanted_spread / max(spread, 1.0), *GAINS))
     return np.asarray(cv2.addWeighted(image, gain, image, 0.0, wanted_mean - gain * mean), np.uint8)
 
 
-def _half_size(grey: Image) -> Image:
-    size = max(grey.shape[1] // 2, 1), max(grey.shape[0] // 2, 1)
-    small = cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
-    return np.asarray(cv2.GaussianBlur(small, (3, 3), 0.8), dtype=np.uint8)
+def _smooth_half(grey: Image) -> Image:
+    return np.asarray(cv2.GaussianBlur(half_size(grey), (3, 3), SMOOTHING_PX), np.uint8)
 
 
 def _corners(grey: Image) -> tuple[Points, Floats]:

@@ -8,20 +8,21 @@ An opening is looked for in the outline and must be proven where it is narrowest
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.vision.carving import Air, Rays, by_right_eye
+from robot.messages import Points
+from robot.vision.carving import NEAREST_M, Air, Rays, by_right_eye
 
 Floats = NDArray[np.float32]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 Vector = NDArray[np.float64]
 
-NEAREST, FARTHEST = 0.2, 2.2
+FARTHEST = 2.2
 RING_RATIO = 1.02
 """Each ring lies so much farther than the one before."""
 EMPTY_SHARE = 0.9
@@ -32,6 +33,8 @@ STANDING_ROWS = 3
 """So many rays of one direction that end before a place bar it; fewer are false matches."""
 THINNEST_M = 0.012
 """An unproven strip beside an edge that is narrower hides nothing: what stands by itself is wider."""
+CORNER_COLUMNS, CORNER_SLACK = 4, 1.03
+"""A corner belongs to a thing that is barred so many columns beside it at its distance, or so little on."""
 IN_VIEW_SHARE = 0.9
 """Of the rows at a distance so many must lie in the picture, or a direction is out of view there."""
 
@@ -56,8 +59,8 @@ class Plan:
 def outline(air: Air) -> Plan:
     """The plan, unmeasured things standing where the floor was last seen."""
     rays = air.rays
-    rings = int(math.log(FARTHEST / NEAREST) / math.log(RING_RATIO)) + 1
-    distances: Vector = np.asarray(NEAREST * RING_RATIO ** np.arange(rings), np.float64)
+    rings = int(math.log(FARTHEST / NEAREST_M) / math.log(RING_RATIO)) + 1
+    distances: Vector = np.asarray(NEAREST_M * RING_RATIO ** np.arange(rings), np.float64)
     crossing = (rays.enters[:, None] <= distances) & (distances < rays.leaves[:, None])
     expected = rays.seen.T.astype(np.float32) @ crossing.astype(np.float32)
     shift: Vector = air.focal_baseline / distances
@@ -69,6 +72,32 @@ def outline(air: Air) -> Plan:
     empty |= _moved(_empty(right, rays, distances, expected), shift)
     top: Vector = rays.height - distances * float(rays.drop.min())
     return Plan(rays.tangents, distances, empty & in_view, in_view, top, rays.eye, rays.pan)
+
+
+def barred_by(plan: Plan, points: Points) -> Plan:
+    """The same plan with nothing empty from these points on, (N, 3) robot frame, along their directions.
+
+    A bare thing is unmeasured but for its edges, and those the ground's corners know: without them it stands
+    where its foot was last taken for floor.
+    """
+    if not len(points):
+        return plan
+    forward = np.array([math.cos(plan.pan), math.sin(plan.pan)])
+    right = np.array([forward[1], -forward[0]])
+    away = (points[:, :2] - plan.eye[:2]) @ np.column_stack([forward, right])
+    away = away[away[:, 0] > NEAREST_M]
+    step = float(plan.tangents[1] - plan.tangents[0])
+    column = np.rint((away[:, 1] / away[:, 0] - plan.tangents[0]) / step).astype(np.intp)
+    inside = (column >= 0) & (column < len(plan.tangents))
+    # A corner of what is barred already adds nothing but its own uncertain column.
+    wide = cv2.dilate(
+        (~plan.empty & plan.in_view).view(np.uint8), np.ones((2 * CORNER_COLUMNS + 1, 1), np.uint8)
+    )
+    ring = np.minimum(np.searchsorted(plan.distances, CORNER_SLACK * away[:, 0]), len(plan.distances) - 1)
+    inside &= wide[np.clip(column, 0, len(plan.tangents) - 1), ring] == 0
+    nearest = np.full(len(plan.tangents), np.inf)
+    np.minimum.at(nearest, column[inside], away[inside, 0])
+    return replace(plan, empty=plan.empty & (plan.distances < nearest[:, None]))
 
 
 def standing_points(air: Air) -> Vector:
@@ -133,9 +162,9 @@ def _hanging(passing: Mask, first: int) -> Index:
 
     A bare board's edge hangs so in a picture, floor seen below it and a wall above.
     """
-    rows = np.arange(len(passing))[:, None]
-    above = np.maximum.accumulate(np.where(passing, rows, -1), axis=0)
-    below = np.minimum.accumulate(np.where(passing, rows, len(rows))[::-1], axis=0)[::-1]
+    rows = np.arange(len(passing), dtype=np.int16)[:, None]
+    above = np.maximum.accumulate(np.where(passing, rows, np.int16(-1)), axis=0)
+    below = np.minimum.accumulate(np.where(passing, rows, np.int16(len(rows)))[::-1], axis=0)[::-1]
     between = ~passing & (above >= 0) & (below < len(rows)) & (rows >= first)
     return np.asarray(np.where(between, below - above - 1, 0).max(axis=0), np.intp)
 

@@ -53,8 +53,16 @@ def ended_for_most(free: FreeSpace, ends: Points) -> FreeSpace:
         return free
     half = 0.5 * (float(np.median(np.diff(free.bearings))) if len(free.bearings) > 1 else math.radians(1.5))
     away, bearing = np.hypot(ends[:, 0], ends[:, 1]), np.arctan2(ends[:, 1], ends[:, 0])
-    within = np.abs(bearing[:, None] - free.bearings) <= half
-    most = np.array([np.median(away[inside]) if inside.any() else np.inf for inside in within.T])
+    sector = np.rint((bearing - free.bearings[0]) / (2.0 * half)).astype(np.intp)
+    order = np.lexsort((away, sector))
+    count = np.bincount(np.clip(sector + 1, 0, len(free.bearings) + 1), minlength=len(free.bearings) + 2)
+    first, count = np.cumsum(count)[:-2], count[1:-1]
+    ranked = np.append(away[order], np.inf)
+    middle = (
+        np.minimum(first + count // 2, len(away)),
+        np.minimum(first + np.maximum(count - 1, 0) // 2, len(away)),
+    )
+    most = np.where(count > 0, 0.5 * (ranked[middle[0]] + ranked[middle[1]]), np.inf)
     return replace(free, free=np.minimum(free.free, np.maximum(most, free.near)))
 
 

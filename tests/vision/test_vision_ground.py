@@ -7,7 +7,8 @@ import pytest
 from rendered_pairs import MOUNT, RIG, TILT, Block, Room, render
 
 from calib.model import HeadMount, StereoRig
-from robot.vision.ground import find_obstacles, ground_homography, homography_from_matches, obstacle_points
+from robot.vision.ground import find_obstacles, obstacle_points
+from robot.vision.ground_plane import ground_homography, homography_from_matches
 
 
 def project(camera, points):

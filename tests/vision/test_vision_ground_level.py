@@ -7,8 +7,11 @@ import pytest
 from ground_scenes import Ground, TippedMount, chequers, look
 from rendered_pairs import MOUNT, RIG, TILT, Block, Room
 
-from robot.vision.ground_level import floor_matches, level_of, see_ground
+from calib.model import StereoRig
+from robot.vision.ground_level import FloorMatches, floor_matches, level_of, see_ground
 from robot.vision.ground_matching import EyePictures
+from robot.vision.ground_plane import ground_homography, through
+from robot.vision.levelling import REST_SIGMA
 from robot.vision.pair_input import grey_pair
 
 STAND = MOUNT.left_eye(0.0, TILT)
@@ -90,3 +93,28 @@ def test_the_sigma_of_the_level_is_not_vain():
             true = rotation @ (STAND[0].T @ (floor - STAND[1])) + eye
             ratios.append(true[2] / sigma[0])
     assert np.abs(ratios).max() < 3.0
+
+
+def test_no_floor_is_believed_where_no_base_can_stand():
+    """Matches of a ledge 22 mm up: the level stays within three standard deviations of the nominal one."""
+    rotation, eye = STAND
+    draw = np.random.default_rng(3)
+    points = np.column_stack([draw.uniform(0.5, 1.5, 60), draw.uniform(-0.3, 0.3, 60), np.full(60, 0.022)])
+    seen = (points - eye) @ rotation
+    left, right = (
+        p[:, :2] / p[:, 2:] * RIG.left.fx + (RIG.left.cx, RIG.left.cy) for p in (seen, seen + RIG.translation)
+    )
+    level = level_of(FloorMatches(left, right, np.full(60, 0.001)), RIG, *STAND).level
+    assert abs(level.lift) <= 3 * REST_SIGMA[0] + 1e-9
+    assert abs(level.ahead) <= 3 * REST_SIGMA[1] + 1e-9
+    assert abs(level.aside) <= 3 * REST_SIGMA[2] + 1e-9
+
+
+def test_floor_is_matched_by_a_pair_that_is_not_rectified():
+    c, s = math.cos(0.04), math.sin(0.04)
+    rig = StereoRig(RIG.left, RIG.right, (c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0), (-0.06, 0.003, 0.002))
+    pair = look(Room(contrast=0.7), rig=rig, samples=2)
+    found = floor_matches(EyePictures.of(*grey_pair(pair.left, pair.right)), rig, *STAND)
+    off = found.right - through(ground_homography(rig, STAND[0], float(STAND[1][2])), found.left)
+    assert len(found.left) >= 35
+    assert np.median(np.hypot(*off.T)) < 0.2

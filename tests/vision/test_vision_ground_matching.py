@@ -11,7 +11,14 @@ from rendered_pairs import RIG, Block, Room
 
 from calib.model import Camera, StereoRig
 from robot.vision.ground_corners import harris_corners, spread, upright_edges
-from robot.vision.ground_matching import EyePictures, epipolar_lines, fundamental_matrix, match_in_bands
+from robot.vision.ground_matching import (
+    EyePictures,
+    _well_placed,
+    epipolar_lines,
+    fundamental_matrix,
+    leads_back,
+    match_in_bands,
+)
 from robot.vision.pair_input import grey_pair
 
 
@@ -157,8 +164,10 @@ def test_what_one_eye_alone_sees_is_not_sure():
     )
     pictures = EyePictures.of(left, right)
     corners = corners_within(pictures)
-    found = match_in_bands(pictures, corners, fundamental_matrix(RIG), corners[:, 0] - 100, corners[:, 0])
-    assert found.sure.mean() < 0.01
+    rows, low, high = fundamental_matrix(RIG), corners[:, 0] - 100, corners[:, 0]
+    found = match_in_bands(pictures, corners, rows, low, high)
+    back = leads_back(pictures, corners, found.right, rows, low, high)
+    assert (found.sure & back).mean() < 0.01
 
 
 def test_no_points_no_matches():
@@ -181,3 +190,56 @@ def test_corners_are_spread_and_a_plain_post_has_edges():
     tiles = (kept // 32).astype(int)
     assert len(kept) == 100
     assert max(np.unique(tiles, axis=0, return_counts=True)[1]) <= 2
+
+
+@pytest.mark.parametrize(
+    ("along", "across", "sigma", "correlation", "sure"),
+    [
+        (0.0, 0.0, 0.1, 0.95, True),
+        (1.9, 1.1, 0.32, 0.86, True),
+        (2.1, 0.0, 0.1, 0.95, False),
+        (0.0, -1.3, 0.1, 0.95, False),
+        (0.0, 0.0, 0.35, 0.95, False),
+        (0.0, 0.0, 0.1, 0.84, False),
+    ],
+)
+def test_a_match_must_stay_where_it_was_found_be_alike_and_be_sharp(along, across, sigma, correlation, sure):
+    start = np.array([[50.0, 40.0]])
+    places = start + np.array([[along, across]])
+    assert bool(_well_placed(places, start, np.array([sigma]), np.array([correlation]))[0]) is sure
+
+
+@pytest.mark.parametrize(("low", "high", "sure"), [(60, 0, True), (60, 15, False), (9, 0, False)])
+def test_a_match_at_the_bands_end_may_lie_beyond(low, high, sure):
+    """12 px of disparity: patches are still alike two pixels off, where the band ends."""
+    noise = np.random.default_rng(1).integers(0, 255, (120, 260), np.uint8)
+    scene = cv2.GaussianBlur(noise, (0, 0), 4.0)
+    eyes = EyePictures.of(scene[:, :240], scene[:, 12:252])
+    at = np.array([[x, y] for x in np.arange(90.5, 220, 12) for y in np.arange(20.5, 100, 12)])
+    rows = fundamental_matrix(StereoRig.parallel(240, 120, 200.0, 0.06))
+    found = match_in_bands(eyes, at, rows, at[:, 0] - low, at[:, 0] - high)
+    assert (found.sure.mean() > 0.5) if sure else not found.sure.any()
+
+
+def test_true_matches_lead_back_within_their_own_band_and_those_at_the_rim_are_not_sure():
+    noise = np.random.default_rng(1).integers(0, 255, (120, 260), np.uint8)
+    scene = cv2.GaussianBlur(noise, (0, 0), 2.0)
+    eyes = EyePictures.of(scene[:, :240], scene[:, 12:252])
+    rows = fundamental_matrix(StereoRig.parallel(240, 120, 200.0, 0.06))
+    at = np.array([[x, y] for x in np.arange(60.5, 220, 12) for y in np.arange(20.5, 100, 12)])
+    low, high = at[:, 0] - 18.0, at[:, 0] - 6.0
+    found = match_in_bands(eyes, at, rows, low, high)
+    assert found.sure.mean() > 0.9
+    assert leads_back(eyes, at, found.right, rows, low, high)[found.sure].mean() > 0.95
+    assert not leads_back(eyes, at, found.right - np.array([5.0, 0.0]), rows, low, high).any()
+    rim = np.array([[x, y] for x in (100.5, 150.5) for y in (0.5, 4.5, 118.5)] + [[238.5, 60.5]])
+    assert not match_in_bands(eyes, rim, rows, rim[:, 0] - 30, rim[:, 0]).sure.any()
+
+
+def test_one_tile_gives_no_more_than_its_share_and_every_tile_its_strongest():
+    crowded = np.column_stack([np.linspace(1, 30, 50), np.full(50, 10.0)])
+    apart = np.array([[40.0, 10.0], [100.0, 200.0]])
+    kept = spread(np.vstack([crowded, apart]), 100, 6)
+    assert kept.tolist() == [0, 1, 2, 3, 4, 5, 50, 51]
+    assert spread(np.vstack([crowded, apart]), 3, 6).tolist() == [0, 50, 51]
+    assert spread(crowded[:0], 3, 6).shape == (0,)

@@ -9,10 +9,13 @@ from ground_scenes import Ground, TippedMount, chequers, lines, look, soft_shado
 from rendered_pairs import MOUNT, RIG, TILT, Block, Room
 
 from calib.model import StereoRig
-from robot.vision.ground import GroundLimits, bright_regions, find_obstacles, warp_to_left
-from robot.vision.ground_plane import GroundPlane
+from robot.vision.ground import GroundLimits, find_obstacles
+from robot.vision.ground_bright import bright_regions
+from robot.vision.ground_plane import GroundPlane, warp_to_left
 from robot.vision.ground_reflection import amid_floor, mirrored, twin_likeness
+from robot.vision.half_size import half_camera, half_size, homography_to_half, to_half
 
+EYE = half_camera(RIG.left)
 FAR = Block(2.7, -0.6, 0.4, 0.5, 0.8, seed=31)
 UP = TippedMount(math.radians(-0.5), math.radians(0.3))
 DOWN = TippedMount(math.radians(0.5), math.radians(-0.3))
@@ -136,8 +139,8 @@ def block_upside_down(gloss):
     y, z = (g.ravel() for g in np.meshgrid(np.linspace(-0.12, 0.12, 5), np.linspace(-0.11, -0.05, 3)))
     local = (np.column_stack([np.full(y.size, 0.8), y, z]) - eye) @ rotation
     pixels = local[:, :2] / local[:, 2:] * RIG.left.fx + (RIG.left.cx, RIG.left.cy)
-    grey = cv2.cvtColor(pair.left, cv2.COLOR_BGR2GRAY).astype(np.float32)
-    return grey, GroundPlane.below(rotation, float(eye[2])), pixels, local[:, 2]
+    grey = half_size(cv2.cvtColor(pair.left, cv2.COLOR_BGR2GRAY).astype(np.float32))
+    return grey, GroundPlane.below(rotation, float(eye[2])), to_half(pixels), local[:, 2]
 
 
 @pytest.fixture(scope="module")
@@ -148,20 +151,33 @@ def mirror():
 def test_a_mirror_image_looks_like_its_twin_and_a_floor_does_not(mirror):
     grey, plane, pixels, depth = mirror
     sigma = np.full(len(pixels), 0.01)
-    assert np.median(twin_likeness(grey, RIG.left, plane, pixels, depth)) > 0.8
-    assert mirrored(grey, RIG.left, plane, pixels, depth, sigma).mean() > 0.8
+    assert np.median(twin_likeness(grey, EYE, plane, pixels, depth)) > 0.8
+    assert mirrored(grey, EYE, plane, pixels, depth, sigma).mean() > 0.8
     matte, *_ = block_upside_down(0.0)
-    assert np.median(twin_likeness(matte, RIG.left, plane, pixels, depth)) < 0.5
-    assert not mirrored(matte, RIG.left, plane, pixels, depth, sigma).any()
+    assert np.median(twin_likeness(matte, EYE, plane, pixels, depth)) < 0.5
+    assert not mirrored(matte, EYE, plane, pixels, depth, sigma).any()
+
+
+def test_a_twin_that_is_out_of_view_is_not_compared(mirror):
+    grey, plane, pixels, depth = mirror
+    # So far below the floor the twin stands above the picture.
+    assert (twin_likeness(grey, EYE, plane, pixels, np.full(len(depth), 3.0)) == 0.0).all()
+    assert (twin_likeness(np.zeros_like(grey), EYE, plane, pixels, depth) == 0.0).all()
+
+
+def test_a_depth_that_is_off_a_little_still_shows_the_twin(mirror):
+    grey, plane, pixels, depth = mirror
+    for share in (0.985, 1.015):
+        assert np.median(twin_likeness(grey, EYE, plane, pixels, share * depth)) > 0.75
 
 
 def test_one_likeness_alone_is_chance(mirror):
     grey, plane, pixels, depth = mirror
-    likeness = twin_likeness(grey, RIG.left, plane, pixels, depth)
+    likeness = twin_likeness(grey, EYE, plane, pixels, depth)
     best = int(likeness.argmax())
     one = slice(best, best + 1)
-    assert not mirrored(grey, RIG.left, plane, pixels[one], depth[one], np.array([0.01])).any()
-    assert mirrored(grey, RIG.left, plane, np.zeros((0, 2)), np.zeros(0), np.zeros(0)).shape == (0,)
+    assert not mirrored(grey, EYE, plane, pixels[one], depth[one], np.array([0.01])).any()
+    assert mirrored(grey, EYE, plane, np.zeros((0, 2)), np.zeros(0), np.zeros(0)).shape == (0,)
 
 
 def test_only_floor_on_all_sides_proves_floor():
@@ -249,12 +265,14 @@ def test_the_bright_regions_are_those_off_the_floor():
     block = Block(0.9, 0.0, 0.2, 0.3, 0.2, seed=9)
     pair = look(Room((block,), floor_paint=lines), samples=2)
     rotation, eye = MOUNT.left_eye(0.0, TILT)
-    left, right = (cv2.cvtColor(eye_, cv2.COLOR_BGR2GRAY) for eye_ in (pair.left, pair.right))
-    bright = bright_regions(
-        left, warp_to_left(right, GroundPlane.below(rotation, float(eye[2])).homography(RIG))
+    left, right = (
+        half_size(cv2.cvtColor(eye_, cv2.COLOR_BGR2GRAY).astype(np.float32))
+        for eye_ in (pair.left, pair.right)
     )
-    assert bright[65:110, 150:210].mean() > 0.8
-    assert bright[200:280, 80:340].mean() < 0.02
+    floor = homography_to_half(GroundPlane.below(rotation, float(eye[2])).homography(RIG))
+    bright = bright_regions(left, warp_to_left(right, floor))
+    assert bright[32:55, 75:105].mean() > 0.8
+    assert bright[100:140, 40:170].mean() < 0.02
 
 
 @pytest.mark.parametrize("size", [(352, 288), (351, 287), (1, 288), (352, 1), (9, 7)])
@@ -263,6 +281,25 @@ def test_plain_and_odd_pictures_hold_nothing(size, level):
     picture = np.full(size[::-1], level, np.uint8)
     rig = StereoRig.parallel(*size, 305.0, 0.06)
     assert find_obstacles(picture, picture, rig, MOUNT, 0.0, TILT).points.shape == (0, 3)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("size", [(2, 2), (13, 13), (31, 29), (353, 287), (1280, 960)])
+@pytest.mark.parametrize("tilt", [-1.2, 0.0, 0.35, 1.4])
+def test_noise_of_any_size_under_any_tilt_is_looked_at(size, tilt):
+    """Unlike noise in both eyes, black and white: nothing in it stands for sure, and nothing breaks."""
+    rng = np.random.default_rng(5)
+    left, right = (np.where(rng.random(size[::-1]) < 0.5, 0, 255).astype(np.uint8) for _ in range(2))
+    found = find_obstacles(left, right, StereoRig.parallel(*size, 305.0, 0.06), MOUNT, 0.0, tilt)
+    assert len(found.points) <= 2
+    assert np.isfinite(found.points).all()
+
+
+def test_exchanged_eyes_break_nothing():
+    pair = look(Room((Block(0.8, 0.0, 0.2, 0.5, 0.06, seed=2),)), samples=1)
+    found = find_obstacles(pair.right, pair.left, RIG, MOUNT, 0.0, TILT)
+    assert np.isfinite(found.points).all()
+    assert not near(found, 0.5).any(), "what is told so near must be seen, not guessed"
 
 
 def test_wrong_pictures_are_named():

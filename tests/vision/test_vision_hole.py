@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import rendered_pairs
 from exact_maps import exact_map, without
 from rendered_pairs import Block, Room, render
 
@@ -9,7 +10,7 @@ from calib.model import HeadMount, StereoRig
 from robot.vision.both_eyes import BothEyes
 from robot.vision.disparity import Disparity
 from robot.vision.free_way import HandWayFinder
-from robot.vision.hole import nearest_plane
+from robot.vision.hole import Plane, largest_hole, nearest_plane, open_in_plane
 from robot.vision.section import RoundSection
 from robot.vision.stereo import AdaptiveWeightMatcher
 
@@ -99,3 +100,113 @@ def test_a_map_of_another_size_is_refused():
     none = np.zeros((100, 100), np.float32)
     with pytest.raises(ValueError, match="the rig 352x288"):
         passage_of(Disparity(none, none > 0.0, none))
+
+
+# --- both eyes ---
+
+
+def hole_of(eyes, reach=0.5, behind=0.03):
+    return largest_hole(eyes, RIG, reach, behind)
+
+
+@pytest.mark.parametrize("size", [0.056, 0.06])
+def test_of_a_hole_before_a_far_wall_each_eye_sees_one_end(size):
+    """The plane's disparity is 49 px more than the wall's, more than half of the hole: its mouth is as wide
+    as it is all the same, what is open in depth is less."""
+    found = hole_of(BothEyes.of(exact_map(shown(frame(size)), RIG)))
+    assert found.mouth_px == pytest.approx(size * 408.0 / AHEAD, rel=0.06)
+    assert found.circle.diameter_px < found.mouth_px
+
+
+@pytest.mark.parametrize("size", [0.02, 0.03, 0.045, 0.053])
+def test_a_small_hole_before_a_far_wall_is_never_taken_for_a_larger_one(size):
+    found = hole_of(BothEyes.of(exact_map(shown(frame(size)), RIG)))
+    assert found is None or found.circle.diameter_px <= found.mouth_px < size * 408.0 / AHEAD + 2.0
+
+
+def test_a_thing_in_the_plane_between_what_both_eyes_see_through_is_no_mouth():
+    """A post 6 mm wide in the middle of the hole is measured: the mouth lies beside it."""
+    post = Block(AHEAD + 0.005, 0.0, 0.01, 0.006, 0.4, z0=-0.4, seed=6)
+    room = frame(0.06)
+    barred = Room((*room.blocks, post), size=1.0, floor=-0.8, texels_per_metre=900.0)
+    clear, beside = (hole_of(BothEyes.of(exact_map(shown(r), RIG))) for r in (room, barred))
+    assert clear.mouth_px == pytest.approx(0.06 * 408.0 / AHEAD, rel=0.05)
+    assert beside is None or beside.mouth_px < 0.03 * 408.0 / AHEAD
+
+
+def test_a_thin_thing_in_the_plane_bounds_the_mouth():
+    """A wire of 3 mm stands 8 mm beside the left side: the circle fits beside it, and so must the mouth."""
+    wire = Block(AHEAD + 0.005, 0.04 - 0.0095, 0.01, 0.003, 0.4, z0=-0.4, seed=6)
+    barred = Room((*frame(0.08).blocks, wire), size=1.0, floor=-0.8, texels_per_metre=900.0)
+    found = hole_of(BothEyes.of(exact_map(shown(barred), RIG)))
+    assert found.mouth_px == pytest.approx(0.069 * 408.0 / AHEAD, rel=0.05)
+
+
+@pytest.mark.parametrize(("fringe", "reached"), [(8, True), (14, True), (30, False), (40, False)])
+def test_the_mouth_reaches_to_a_measured_rim_over_a_narrow_fringe_alone(fringe, reached):
+    """A fringe inside the rim is unmeasured; a third of the opening's radius may be."""
+    pair = shown(frame(0.09))
+    found = exact_map(pair, RIG)
+    v, u = np.mgrid[:288, :352]
+    half = 0.045 * 408.0 / AHEAD
+    centre = 175.5 + 0.5 * 0.04 * 408.0 / AHEAD  # the left eye looks from 2 cm to the left
+    off = np.maximum(np.abs(u - centre), np.abs(v - 143.5))
+    mouth = hole_of(BothEyes.of(without(found, (off < half) & (off > half - fringe)))).mouth_px
+    assert (mouth > 2 * half * 0.94) == reached
+
+
+def test_what_the_left_eye_does_not_measure_the_right_one_proves():
+    found = exact_map(shown(frame(0.08)), RIG)
+    eyes = BothEyes.of(found)
+    blind = without(found, found.values < 30.0)  # the left eye measured nothing of the far wall
+    plane = Plane(0.0, 0.0, 408.0 * 0.04 / AHEAD)
+    by_right = open_in_plane(BothEyes(blind, eyes.right), RIG, plane, 0.03)
+    neither = open_in_plane(BothEyes.of(blind), RIG, plane, 0.03)
+    assert by_right.sum() > 0.3 * (0.08 * 408.0 / AHEAD) ** 2
+    assert not neither.any()
+    half = 0.04 * 408.0 / AHEAD
+    v, u = np.nonzero(by_right)
+    centre = 175.5 + 0.5 * 0.04 * 408.0 / AHEAD
+    assert np.abs(u - centre).max() <= half + 1.5
+    assert np.abs(v - 143.5).max() <= half + 1.5
+
+
+@pytest.mark.parametrize("tilted", [0.0, 0.06])
+def test_the_right_eye_s_rays_cross_a_slanting_plane_where_it_is(tilted):
+    """A wall at 20 px seen through a plane of 40 px and more: by its own columns, moved by the plane's."""
+    values = np.full((288, 352), 20.0, np.float32)
+    none = np.zeros(values.shape, np.bool_)
+    valid = none.copy()
+    valid[:, 100:120] = True
+    eyes = BothEyes(Disparity(values, none, values), Disparity(values, valid, values))
+    plane = Plane(tilted, 0.0, 40.0)
+    columns = np.flatnonzero(open_in_plane(eyes, RIG, plane, 0.03)[144])
+    first, last = ((u + 40.0) / (1.0 - tilted) for u in (100, 119))
+    assert columns[0] == pytest.approx(first, abs=1)
+    assert columns[-1] == pytest.approx(last, abs=1)
+
+
+GOES_ON = pytest.mark.xfail(
+    strict=True, reason="the far wall's disparity goes on over a bare bar that lies across the hole"
+)
+
+
+@pytest.mark.parametrize(
+    "bar",
+    [
+        Block(AHEAD + 0.002, 0.0, 0.004, 0.006, 0.3, z0=-0.3, seed=99),
+        Block(AHEAD + 0.002, 0.0, 0.004, 0.3, 0.01, z0=-0.01, seed=99),
+        pytest.param(Block(AHEAD + 0.002, 0.0, 0.004, 0.3, 0.005, z0=-0.005, seed=99), marks=GOES_ON),
+    ],
+    ids=["upright, 6 mm", "lying, 20 mm", "lying, 10 mm"],
+)
+def test_a_bare_bar_across_the_hole_is_not_passed(bar, monkeypatch):
+    cloud = rendered_pairs.texture
+    grey = np.full((512, 512), 0.5, np.float32)
+    monkeypatch.setattr(rendered_pairs, "texture", lambda seed, size=512: grey if seed == 99 else cloud(seed))
+    room = frame(0.08)
+    barred = Room((*room.blocks, bar), size=1.0, floor=-0.8, texels_per_metre=900.0)
+    pair = render(barred, rig=RIG, mount=MOUNT, tilt=0.0, samples=2)
+    finder = HandWayFinder(RIG, MOUNT, RoundSection(0.05), AdaptiveWeightMatcher.floors(176))
+    passage = finder(pair.left, pair.right, 0.0, 0.0).passage
+    assert passage is None or not passage.safe

@@ -295,7 +295,8 @@ def test_different_places_and_empty_pictures_tell_nothing() -> None:
 @given(height=st.integers(1, 80), width=st.integers(1, 120))
 def test_any_size_is_looked_at(height: int, width: int) -> None:
     pair = room("wall")
-    seen = check_pair(pair.left[100 : 100 + height, :width], pair.right[100 : 100 + height, :width], RIG)
+    rig = StereoRig.parallel(width, height, 305.0, 0.06)
+    seen = check_pair(pair.left[100 : 100 + height, :width], pair.right[100 : 100 + height, :width], rig)
     assert math.isfinite(seen.error_px)
     assert not seen.swapped
 
@@ -304,8 +305,10 @@ def test_any_size_is_looked_at(height: int, width: int) -> None:
     ("left", "right", "words"),
     [
         (np.zeros((4, 5), np.uint8), np.zeros((4, 6), np.uint8), "different size"),
-        (np.zeros((4, 5), np.float32), np.zeros((4, 5), np.float32), "float32"),
-        (np.zeros((4, 5, 4), np.uint8), np.zeros((4, 5, 4), np.uint8), "BGR"),
+        (np.zeros((288, 352), np.float32), np.zeros((288, 352), np.float32), "float32"),
+        (np.zeros((288, 352, 4), np.uint8), np.zeros((288, 352, 4), np.uint8), "BGR"),
+        (np.zeros((288, 352, 3, 1), np.uint8), np.zeros((288, 352, 3, 1), np.uint8), "grey or"),
+        (np.zeros((176, 144), np.uint8), np.zeros((176, 144), np.uint8), "144x176, the rig 352x288"),
         (np.zeros((0, 5), np.uint8), np.zeros((0, 5), np.uint8), "empty"),
     ],
 )
@@ -316,3 +319,16 @@ def test_what_is_no_pair_is_refused(left: np.ndarray, right: np.ndarray, words: 
 
 def test_same_pair_same_answer() -> None:
     assert check(room("floor")) == check(room("floor"))
+
+
+def test_a_turn_that_is_only_suspected_already_accuses_nobody_of_exchanged_eyes() -> None:
+    """Far things in the middle of the picture, eyes turned by a degree: yaw is vague, all signs wrong."""
+    draw = np.random.default_rng(8)
+    right = np.array([RIG.right.cx, RIG.right.cy]) + draw.uniform(-82.0, 82.0, (40, 2))
+    x, y = ((right - (RIG.right.cx, RIG.right.cy)) / RIG.right.fx).T
+    drop = 305.0 * DEGREE * x * y + 0.2 * draw.standard_normal(40)
+    left = right - np.column_stack([np.full(40, 305.0 * DEGREE - 1.0), drop])
+    seen = check_matches(PairMatches(left, right), RIG)
+    assert 2.0 < seen.yaw / seen.yaw_sigma < 3.0
+    assert sign_votes(PairMatches(left, right)).swapped
+    assert not seen.swapped
