@@ -26,8 +26,14 @@ ROW_STEP = 2
 """Every second row is looked at: neighbouring rows of a matcher's map say the same."""
 CONTINUED_SIGMA_PX = 0.3
 """Of a disparity taken from the surface beside it."""
+ROW_KERNEL = (5, 1)
+"""Smoothed along the row alone: a bare board is a few rows high."""
 LYING, STANDING = (21, 1), (1, 10)
 """Windows (columns, rows looked at) in which a measured pixel must show texture of its own."""
+BAND, BAND_ROWS = (61, 1), 14
+"""Columns and rows over which texture's share is taken; rows looked at that a bare band is high at most."""
+BARE_SHARE, TEXTURED_SHARE = 0.35, 0.6
+"""Share of the pixels that have texture: on a bare band, and beside it."""
 LEAST_CORRELATION = 0.4
 """Of both eyes' gradients in them; noise on a bare surface has none."""
 
@@ -89,7 +95,8 @@ def _looked_at(disparity: Disparity, left: Image, right: Image, rows: int | None
         raise ValueError(f"the disparity map is {disparity.values.shape}, its pictures are {greys[0].shape}")
     pair = EyePair.of(greys[0][:rows], greys[1][:rows], ROW_STEP)
     values, valid = disparity.values[:rows:ROW_STEP], disparity.valid[:rows:ROW_STEP]
-    return pair, Surfaces(values, valid & own_texture(values, *(grey[:rows:ROW_STEP] for grey in greys)))
+    textured = valid & own_texture(values, *(grey[:rows:ROW_STEP] for grey in greys))
+    return pair, Surfaces(values, _without_bare_bands(textured))
 
 
 def _joined(disparity: Disparity, by_left: Surfaces, by_right: Surfaces) -> BothEyes:
@@ -115,13 +122,26 @@ def own_texture(values: Floats, left: Image, right: Image) -> Mask:
     row = np.repeat(np.arange(height, dtype=np.float32)[:, None], width, axis=1)
     seen = cv2.remap(right, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     own, other = (
-        cv2.Sobel(cv2.GaussianBlur(eye, (0, 0), SMOOTHING_PX), cv2.CV_32F, 1, 0) for eye in (left, seen)
+        cv2.Sobel(cv2.GaussianBlur(eye, ROW_KERNEL, SMOOTHING_PX), cv2.CV_32F, 1, 0, ksize=1)
+        for eye in (left, seen)
     )
     both, each = own * other, own * own + other * other
     found: Mask = np.ones((height, width), np.bool_)
     for window in (LYING, STANDING):
         found &= 2.0 * cv2.blur(both, window) > LEAST_CORRELATION * cv2.blur(each, window)
     return found
+
+
+def _without_bare_bands(textured: Mask) -> Mask:
+    """What is left of a mask (H, W) without bare bands that lie between texture above and texture below.
+
+    Such a band may be a board: the spots in it agree by chance, and joined they would make it vanish.
+    """
+    share = cv2.blur(textured.astype(np.float32), BAND)
+    tall = np.ones((BAND_ROWS, 1), np.uint8)
+    above, below = (cv2.dilate(share, tall, anchor=(0, anchor)) for anchor in (BAND_ROWS - 1, 0))
+    band = (share < BARE_SHARE) & (np.minimum(above, below) > TEXTURED_SHARE)
+    return np.asarray(textured & ~band, np.bool_)
 
 
 def moved_to_right(surfaces: Surfaces) -> Surfaces:

@@ -144,7 +144,10 @@ def proven(air: Air, distance: float) -> Mask:
     found: Mask = measured[rows].mean(axis=0) >= EMPTY_SHARE
     found &= _hanging(measured, int(rows[0])) < HANGING_ROWS
     strip = int(THINNEST_M / (distance * float(rays.tangents[1] - rays.tangents[0])))
-    closed = cv2.morphologyEx(found.view(np.uint8)[None], cv2.MORPH_CLOSE, np.ones((1, strip + 1), np.uint8))
+    kernel = np.ones((1, strip + 1), np.uint8)
+    # Opposite anchors: a closing by an even number of columns would else move all by one.
+    closed = cv2.dilate(found.view(np.uint8)[None], kernel, anchor=(0, 0))
+    closed = cv2.erode(closed, kernel, anchor=(strip, 0))
     return np.asarray(closed[0] > 0, np.bool_)
 
 

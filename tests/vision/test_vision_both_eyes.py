@@ -217,9 +217,6 @@ def test_a_bare_board_eight_pixels_high_has_none():
     assert found[19:21, 24:-16].mean() < 0.5
 
 
-@pytest.mark.xfail(
-    strict=True, reason="every second row smoothed by the next ones: a board's edges spread 4 px"
-)
 def test_a_bare_board_eight_pixels_high_is_not_known():
     scene = cast((WALL, layer(NEAR, (0, WIDTH), 150, 4, (16, 24), contrast=0.0)), WIDTH, HEIGHT)
     found = a_map(np.full((HEIGHT, WIDTH), FAR), np.ones((HEIGHT, WIDTH), np.bool_))
@@ -259,20 +256,15 @@ def test_the_gap_is_safe_without_a_board(bare_boards):
     assert through_a_gap().safe
 
 
-VANISHES = pytest.mark.xfail(
-    strict=True, reason="the far wall's disparity is bridged over a bare board that hangs before it"
-)
-
-
 @pytest.mark.parametrize(
     ("low", "high"),
     [
         (0.1, 0.16),
         (0.05, 0.3),
         (0.15, 0.35),
-        pytest.param(0.1, 0.13, marks=VANISHES),
-        pytest.param(0.2, 0.26, marks=VANISHES),
-        pytest.param(0.28, 0.31, marks=VANISHES),
+        (0.1, 0.13),
+        (0.2, 0.26),
+        (0.28, 0.31),
     ],
 )
 def test_a_bare_board_across_the_gap_is_not_passed(bare_boards, low, high):
