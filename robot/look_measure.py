@@ -19,6 +19,7 @@ from robot.vision import passage
 from robot.vision.found_floor import FoundFloor, find_floor
 from robot.vision.free_way import FreeWayFinder
 from robot.vision.pair_check import check_pair, complaint
+from robot.vision.pair_flipped import flipped
 from robot.vision.ranging import range_box
 from robot.vision.section import BoxSection
 from robot.vision.stereo import AdaptiveWeightMatcher, Disparity
@@ -92,14 +93,16 @@ def look(
     """Measure a pair: the box if one is given, else every place the target is found at, and the way ahead.
 
     left, right: (H, W, 3) BGR uint8 of the rig's size, as the cameras gave them; box in pixels of that left
-    picture. Raises UserError for a box whose middle is outside and for exchanged pictures.
+    picture. Raises UserError for a box whose middle is outside, and for exchanged, mirrored, turned or
+    doubled pictures.
     """
     straight = rectifier(rig)
     flat_left, flat_right = straight(left, right)
     check = check_pair(flat_left, flat_right, straight.rig)
     wrong = complaint(check)
-    if wrong is not None and check.swapped:
-        raise UserError(wrong)
+    no_pair = wrong if check.swapped else flipped(flat_left, flat_right, straight.rig)
+    if no_pair is not None:
+        raise UserError(no_pair)
     marked = () if box is None else (Detection(_moved(box, straight), 1.0, ""),)
     found = marked if target is None else tuple(target.predict(flat_left))
     matcher = AdaptiveWeightMatcher.fine(searched_disparities(straight.rig))

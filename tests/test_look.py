@@ -123,6 +123,17 @@ def test_exchanged_pictures_are_refused(motorcycle: Pair) -> None:
         look(right, left, rig)
 
 
+def test_pictures_that_are_no_pair_are_refused_with_the_likely_cause(motorcycle: Pair) -> None:
+    left, right = motorcycle[0], motorcycle[1]
+    for wrong, words in (
+        (right[:, ::-1], "the right picture is mirrored"),
+        (right[::-1, ::-1], "the right picture is upside down"),
+        (left, "both pictures are the same"),
+    ):
+        with pytest.raises(UserError, match=words):
+            look(left, np.ascontiguousarray(wrong), RIG)
+
+
 def test_a_toed_in_pair_is_rectified_first(motorcycle: Pair) -> None:
     """The same pair with the right camera turned a little: warped by hand, undone by the calibration."""
     true = StereoRig.parallel(741, 500, 994.978, 0.193001, cx=311.193, cy=254.877, doffs=31.086)
