@@ -216,21 +216,23 @@ class HandWayFinder:
         Raises:
             ValueError: pictures that are no pair, or not of the rig's size.
         """
-        return self.joined(see_plates(self._matcher(left, right), left, right), pan, tilt)
+        disparity = self._matcher(left, right)
+        return self.joined(see(disparity, left, right), pan, tilt, see_plates(disparity, left, right))
 
-    def joined(self, eyes: BothEyes, pan: float, tilt: float) -> FreeSpace:
-        """The answer from what both eyes see.
+    def joined(self, eyes: BothEyes, pan: float, tilt: float, about: BothEyes | None = None) -> FreeSpace:
+        """The answer from what both eyes see; about: the same, continued upwards and downwards, for the rim.
 
         Raises:
             ValueError: the disparity maps have not the rig's size.
         """
         freespace.check_size(eyes.left, self._rig)
         none = np.zeros(0)
-        return FreeSpace(none, none, none, np.zeros((0, 2)), self._passage(eyes, pan, tilt))
+        passage = self._passage(eyes, about, pan, tilt)
+        return FreeSpace(none, none, none, np.zeros((0, 2)), passage)
 
-    def _passage(self, eyes: BothEyes, pan: float, tilt: float) -> Passage | None:
+    def _passage(self, eyes: BothEyes, about: BothEyes | None, pan: float, tilt: float) -> Passage | None:
         limits = self._limits
-        found = hole.largest_hole(eyes, self._rig, limits.reach, limits.behind)
+        found = hole.largest_hole(eyes, self._rig, limits.reach, limits.behind, about)
         if found is None or found.circle.radius_px < LEAST_RADIUS_PX:
             return None
         held = hole.surroundings(eyes.left, self._rig, found) >= limits.held

@@ -86,7 +86,9 @@ class Measured:
     sigma_centre: float
 
 
-def largest_hole(eyes: BothEyes, rig: StereoRig, reach: float, behind: float) -> Hole | None:
+def largest_hole(
+    eyes: BothEyes, rig: StereoRig, reach: float, behind: float, about: BothEyes | None = None
+) -> Hole | None:
     """The largest circle of the nearest plane that is proven open; None if there is none.
 
     Args:
@@ -94,6 +96,7 @@ def largest_hole(eyes: BothEyes, rig: StereoRig, reach: float, behind: float) ->
         rig: parallel pair.
         reach: metres of depth; what is farther does not block. Where nothing is nearer, the plane lies there.
         behind: metres of room that must be free behind the plane.
+        about: surfaces continued more boldly, by which the rim is seen better; they prove nothing open.
     """
     disparity, focal_baseline = eyes.left, rig.left.fx * rig.baseline
     values = disparity.values + np.float32(rig.doffs)
@@ -103,7 +106,7 @@ def largest_hole(eyes: BothEyes, rig: StereoRig, reach: float, behind: float) ->
     circle = inscribed_circle(front & _seen_through(eyes, rig, flat, behind))
     if circle is None:
         return None
-    mouth = _mouth(eyes, rig, flat, MOUTH_SHARE * behind)
+    mouth = _mouth(about or eyes, rig, flat, MOUTH_SHARE * behind)
     same = mouth is not None and math.dist(mouth.centre, circle.centre) < circle.radius_px
     mouth_px = mouth.diameter_px if mouth is not None and same else circle.diameter_px
     return Hole(circle, mouth_px, flat, _plane_sigma(disparity), plane is not None)
