@@ -86,6 +86,14 @@ def picture(path: Path, size: tuple[int, int] = (96, 80), seed: int = 0) -> Path
     return path
 
 
+def two_eyes(folder: Path) -> tuple[Path, Path]:
+    """A pair that differs: one picture twice is refused for itself."""
+    pair = picture(folder / "l.png"), picture(folder / "r.png")
+    shifted = np.roll(cv2.imread(str(pair[1])), -3, axis=1)
+    cv2.imwrite(str(pair[1]), shifted)
+    return pair
+
+
 def printed(k: int, height: int = 90) -> Image:
     """The k-th look at a label of coloured fields: what a good teaching picture is."""
     fields = np.random.default_rng(50 + k % 3).integers(0, 256, (5, 4, 3), np.uint8)
@@ -365,12 +373,12 @@ def test_look_refuses_pictures_it_cannot_use(robot: Shell, rig: Path) -> None:
 
 @pytest.mark.parametrize("box", ["", "1,2,3", "1,2,3,x", "1,2,0,4", "1,2,nan,4", "1,2,-3,4", "900,2,10,10"])
 def test_look_refuses_a_box_that_is_none(robot: Shell, rig: Path, box: str) -> None:
-    pair = picture(robot.folder / "l.png"), picture(robot.folder / "r.png")
+    pair = two_eyes(robot.folder)
     assert "--box" in robot.refused("look", *pair, "--calib", rig, "--box", box)
 
 
 def test_look_refuses_a_picture_name_it_cannot_write(robot: Shell, rig: Path) -> None:
-    pair = picture(robot.folder / "l.png"), picture(robot.folder / "r.png")
+    pair = two_eyes(robot.folder)
     assert "--out" in robot.refused("look", *pair, "--calib", rig, "--out", "look.txt")
     assert "--out" in robot.refused("look", *pair, "--calib", rig, "--out", "nowhere/look.png")
 
