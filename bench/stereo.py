@@ -24,7 +24,8 @@ from bench.stereo_data import OPENCV_DOC, StereoCase, folder_cases, registry_cas
 from bench.stereo_peers import Method, peers, side_peers
 from bench.stereo_rooms import DISPARITIES, RoomView, room_views
 from robot.errors import UserError
-from robot.vision.stereo import FloorAlignedMatcher, Matcher, floor_disparities
+from robot.vision.floor_aligned import FloorAlignedMatcher, floor_disparities
+from robot.vision.stereo import Matcher
 
 Row = dict[str, Any]
 

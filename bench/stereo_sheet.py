@@ -20,6 +20,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from bench.stereo_guess import densified
 from calib.model import StereoRig
 from robot.errors import UserError
 from robot.look_measure import look
@@ -27,7 +28,6 @@ from robot.look_picture import draw_obstacles, draw_passage
 from robot.messages import Image
 from robot.record import palette
 from robot.record.canvas import text
-from robot.vision.densify import densified
 from robot.vision.disparity import Disparity
 from robot.vision.stereo import AdaptiveWeightMatcher
 

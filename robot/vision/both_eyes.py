@@ -25,7 +25,7 @@ Mask = NDArray[np.bool_]
 ROW_STEP = 2
 """Every second row is looked at: neighbouring rows of a matcher's map say the same."""
 CONTINUED_SIGMA_PX = 0.3
-"""Of a disparity taken from the surface beside it."""
+"""Of a disparity taken from the surface beside it, or seen by the other eye."""
 ROW_KERNEL = (5, 1)
 """Smoothed along the row alone: a bare board is a few rows high."""
 LYING, STANDING = (21, 1), (1, 10)
@@ -49,7 +49,7 @@ class BothEyes:
     def of(cls, disparity: Disparity) -> BothEyes:
         """Both eyes by the left eye's map alone, nothing continued."""
         seen = moved_to_right(Surfaces(disparity.values, disparity.valid))
-        return cls(disparity, _as_disparity(seen, disparity.values.shape[0]))
+        return cls(disparity, _as_disparity(seen))
 
 
 def see(disparity: Disparity, left: Image, right: Image, rows: int | None = None) -> BothEyes:
@@ -80,12 +80,21 @@ def see(disparity: Disparity, left: Image, right: Image, rows: int | None = None
     return _joined(disparity, by_left, by_right)
 
 
-def see_plates(disparity: Disparity, left: Image, right: Image) -> BothEyes:
-    """Like `see` where no floor is in view: surfaces are continued upwards and downwards too."""
-    pair, textured = _looked_at(disparity, left, right, None)
-    by_left = to_the_rims(bridged(textured, pair), pair)
-    by_right = to_the_rims(moved_to_right(by_left).mirrored, pair.mirrored)
-    return _joined(disparity, up_and_down(by_left, pair), up_and_down(by_right, pair.mirrored).mirrored)
+def plates_continued(eyes: BothEyes, left: Image, right: Image) -> BothEyes:
+    """The same with surfaces continued upwards and downwards too, where no floor is in view.
+
+    Good for finding a rim, not for proof: where texture above a bare thing's edge tells, the surface behind
+    goes on over the edge and down the thing.
+
+    Args:
+        eyes: what `see` gave for all rows of this pair.
+        left, right: the pair, (H, W[, 3]) uint8.
+    """
+    pair = EyePair.of(*grey_pair(left, right), ROW_STEP)
+    by_left, by_right = (Surfaces(e.values[::ROW_STEP], e.valid[::ROW_STEP]) for e in (eyes.left, eyes.right))
+    return _joined(
+        eyes.left, up_and_down(by_left, pair), up_and_down(by_right.mirrored, pair.mirrored).mirrored
+    )
 
 
 def _looked_at(disparity: Disparity, left: Image, right: Image, rows: int | None) -> tuple[EyePair, Surfaces]:
@@ -101,10 +110,12 @@ def _looked_at(disparity: Disparity, left: Image, right: Image, rows: int | None
 
 def _joined(disparity: Disparity, by_left: Surfaces, by_right: Surfaces) -> BothEyes:
     """Maps of all rows: those looked at for themselves and the next, the others as they were measured."""
-    height, rest = disparity.values.shape[0], slice(len(by_left.values) * ROW_STEP, None, ROW_STEP)
-    below = Surfaces(disparity.values[rest], disparity.valid[rest])
+    values, valid = disparity.values[::ROW_STEP], disparity.valid[::ROW_STEP]
+    below = Surfaces(values[len(by_left.values) :], valid[len(by_left.values) :])
     left, right = _over(by_left, below), _over(by_right, moved_to_right(below))
-    return BothEyes(_as_disparity(left, height), _as_disparity(right, height))
+    measured, height = valid & (left.values == values), len(disparity.values)
+    sigma = np.where(measured, disparity.sigma_px[::ROW_STEP], np.float32(CONTINUED_SIGMA_PX))
+    return BothEyes(_all_rows(_as_disparity(left, sigma), height), _all_rows(_as_disparity(right), height))
 
 
 def _over(above: Surfaces, below: Surfaces) -> Surfaces:
@@ -162,9 +173,12 @@ def moved_to_right(surfaces: Surfaces) -> Surfaces:
     return Surfaces(values, known)
 
 
-def _as_disparity(surfaces: Surfaces, height: int) -> Disparity:
+def _as_disparity(surfaces: Surfaces, sigma: Floats | None = None) -> Disparity:
+    sigma = np.full_like(surfaces.values, CONTINUED_SIGMA_PX) if sigma is None else sigma
+    return Disparity(surfaces.values, surfaces.known, np.where(surfaces.known, sigma, np.float32(np.inf)))
+
+
+def _all_rows(looked: Disparity, height: int) -> Disparity:
     """A map of all rows, each of those looked at for itself and the next."""
-    step = ROW_STEP if len(surfaces.values) < height else 1
-    values = np.repeat(surfaces.values, step, axis=0)[:height]
-    known = np.repeat(surfaces.known, step, axis=0)[:height]
-    return Disparity(values, known, np.where(known, np.float32(CONTINUED_SIGMA_PX), np.float32(np.inf)))
+    row = np.arange(height) // ROW_STEP
+    return Disparity(looked.values[row], looked.valid[row], looked.sigma_px[row])

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.model import HeadMount, StereoRig
-from robot.vision.both_eyes import BothEyes
+from robot.vision.both_eyes import ROW_STEP, BothEyes
 from robot.vision.disparity import Disparity
 from robot.vision.levelling import FloorLevel
 
@@ -28,8 +28,6 @@ Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 Vector = NDArray[np.float64]
 
-ROW_STEP = 2
-"""Every second row is looked at: neighbouring rows of a matcher's map say the same."""
 NEAREST_M = 0.3
 """Forward from the eyes; rays that land nearer are left to the floor's cells."""
 FOOT_COLUMNS = 11

@@ -29,7 +29,6 @@ from robot.vision.eye_pair import EyePair, alike_limit, averaged
 from robot.vision.row_runs import Runs, at
 
 Floats = NDArray[np.float32]
-Index = NDArray[np.int32]
 Mask = NDArray[np.bool_]
 
 ONE_SURFACE_PX = 2.0

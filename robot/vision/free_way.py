@@ -1,39 +1,41 @@
 """Where the robot may go by one look of both eyes: one object, one answer (`FreeSpace`).
 
-`FreeWayFinder` is the base's, `HandWayFinder` the hand's, which has no floor. The base has three witnesses,
+`FreeWayFinder` is the base's, `HandWayFinder` the hand's, which has no floor. The base has several witnesses,
 and these are the rules by which they agree:
 
 1. Floor is free only where the dense map measured floor (`freespace`). No other witness makes floor free:
    what none of them sees stays unknown, and unknown is not free.
-2. An obstacle of any witness ends the sector it stands in, whatever the others say: cells of the dense map,
-   corners off the ground plane (`ground`), and what ends several rays of one direction before they reach the
-   floor (`plan.standing_points`: so a sill ends a sector before a cell has seen enough of it). Each asks for
-   several pixels that agree before it speaks: that keeps floor lines and false matches from being obstacles.
-   So does the place where most directions of a sector lose the floor: a post that nobody measured.
+2. An obstacle of any witness ends the sector it stands in, whatever the others say: cells of the dense map
+   (things, and edges where the floor's height jumps), corners off the ground plane (`ground`), and what ends
+   several rays of one direction before they reach the floor (`plan.standing_points`: so a sill ends a sector
+   before a cell has seen enough of it). Each asks for several pixels that agree before it speaks: that keeps
+   floor lines and false matches from being obstacles. A sector ends too where most of its directions lose the
+   floor: a post that nobody measured. Corners also bar the air behind them.
 3. Only cells and corners are told as obstacle points: they are sure enough of a place to be kept in a map.
 4. Floor that is first seen well beyond the picture's lower edge is not free: a step before it is not in view.
 5. A passage is where the air is empty over the body's height (`opening`). It is safe only if the body's
-   width, with a margin for what the measurement may be off, is proven empty there, if the picture shows the
-   body's height there, and if the free floor of rules 1 to 4 reaches it along the body's width.
+   width, with a margin for what the measurement may be off, is measured to be empty there, from a little
+   before it to half a body behind it, if the picture shows the body's height there, and if the free floor of
+   rules 1 to 4 reaches it along the body's width. Where one side is seen less well the way keeps off it.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from calib.model import HeadMount, StereoRig
 from robot.messages import FreeSpace, Image, Passage, Points
 from robot.vision import freespace, hole, sectors
-from robot.vision.both_eyes import BothEyes, see, see_plates
+from robot.vision.both_eyes import BothEyes, plates_continued, see
 from robot.vision.carving import Air, carve
 from robot.vision.disparity import Disparity, Matcher
 from robot.vision.floor_aligned import FloorAlignedMatcher
 from robot.vision.freespace import FloorLimits
 from robot.vision.ground import GroundLimits, find_obstacles
-from robot.vision.opening import Needed, Opening, floor_reaches, way_through, widest_opening
+from robot.vision.opening import Needed, floor_reaches, way_through, widest_opening
 from robot.vision.plan import Plan, barred_by, ends, outline, standing_points
 from robot.vision.section import BoxSection, RoundSection
 
@@ -47,24 +49,14 @@ FIRST_FLOOR_M = 0.3
 """Free floor begins within so much of the picture's lower edge."""
 FOOT_M = 0.45
 """What stands so near the eyes is told by the floor's cells: edges are sought where openings are."""
-LEAST_RADIUS_PX = 3.0
 EDGE_SIGMA_PX, PROVEN_SIGMA_PX = 1.5, 0.5
 """Of where an opening's side is seen; of where the air before it ends to be proven, which is never beyond."""
-
-
-@dataclass(frozen=True, slots=True)
-class HandLimits:
-    """What counts as an opening for a hand.
-
-    reach: metres of depth, what is farther does not block; behind: metres that must be free behind the
-    opening's mouth; edge_sigma_px: standard deviation of where its rim is seen; held: share of what is by it
-    that must be measured, for a circle in the middle of nothing measured may be smaller than it looks.
-    """
-
-    reach: float = 0.5
-    behind: float = 0.03
-    edge_sigma_px: float = 1.0
-    held: float = 0.4
+HAND_REACH_M, HAND_BEHIND_M = 0.5, 0.03
+"""What is farther does not block a hand; so much room must be free behind the mouth of an opening."""
+RIM_SIGMA_PX, LEAST_RADIUS_PX = 1.0, 3.0
+"""Of where an opening's rim is seen by a hand's eyes; smaller circles are no openings."""
+HELD_SHARE = 0.4
+"""Of what is beside a circle so much must be measured: amid nothing measured it may be smaller."""
 
 
 class FreeWayFinder:
@@ -150,11 +142,10 @@ class FreeWayFinder:
         if found is None:
             return None
         forward = found.distance - float(plan.eye[0])
-        edges, scale = self._sigmas(found, forward)
-        across = math.hypot(edges, found.width * scale)
-        slack = SIGMAS * math.hypot(
-            PROVEN_SIGMA_PX * math.sqrt(2.0) * forward / self._rig.left.fx, width * scale
-        )
+        scale = RANGE_SIGMA_PX * forward / (self._rig.left.fx * self._rig.baseline)
+        both_edges = math.sqrt(2.0) * forward / self._rig.left.fx
+        across = math.hypot(EDGE_SIGMA_PX * both_edges, found.width * scale)
+        slack = SIGMAS * math.hypot(PROVEN_SIGMA_PX * both_edges, width * scale)
         needed = Needed(width, width + slack, width + SIGMAS * across, 0.5 * width)
         way = way_through(air, plan, found, needed)
         x, y = way.place if way is not None else found.middle
@@ -171,13 +162,6 @@ class FreeWayFinder:
         sigma = math.hypot(0.5 * across, scale * depth)
         return Passage(centre, radius_px, found.width, (x, y, z), across, sigma, safe)
 
-    def _sigmas(self, found: Opening, depth: float) -> tuple[float, float]:
-        """Standard deviations: of the distance between both edges, metres; of all distances, relative."""
-        return (
-            math.sqrt(2.0) * EDGE_SIGMA_PX * depth / self._rig.left.fx,
-            RANGE_SIGMA_PX * depth / (self._rig.left.fx * self._rig.baseline),
-        )
-
 
 class HandWayFinder:
     """The passage before a hand that carries the eyes: the largest open circle of the plane before it.
@@ -189,7 +173,6 @@ class HandWayFinder:
         mount: how the eyes hang on the hand.
         section: what must pass.
         matcher: finds disparities; it must search as far as the nearest thing the hand can meet.
-        limits: what counts as an opening.
 
     >>> from robot.vision.stereo import AdaptiveWeightMatcher
     >>> rig, mount = StereoRig.parallel(352, 288, 408.0, 0.04), HeadMount(0.0, 0.0, 0.0, 0.04)
@@ -199,16 +182,8 @@ class HandWayFinder:
     True
     """
 
-    def __init__(
-        self,
-        rig: StereoRig,
-        mount: HeadMount,
-        section: RoundSection,
-        matcher: Matcher,
-        limits: HandLimits | None = None,
-    ) -> None:
+    def __init__(self, rig: StereoRig, mount: HeadMount, section: RoundSection, matcher: Matcher) -> None:
         self._rig, self._mount, self._section, self._matcher = rig, mount, section, matcher
-        self._limits = limits or HandLimits()
 
     def __call__(self, left: Image, right: Image, pan: float, tilt: float) -> FreeSpace:
         """One look: rectified BGR or grey uint8 pictures (H, W[, 3]), the head at pan, tilt (radians).
@@ -216,8 +191,8 @@ class HandWayFinder:
         Raises:
             ValueError: pictures that are no pair, or not of the rig's size.
         """
-        disparity = self._matcher(left, right)
-        return self.joined(see(disparity, left, right), pan, tilt, see_plates(disparity, left, right))
+        eyes = see(self._matcher(left, right), left, right)
+        return self.joined(eyes, pan, tilt, plates_continued(eyes, left, right))
 
     def joined(self, eyes: BothEyes, pan: float, tilt: float, about: BothEyes | None = None) -> FreeSpace:
         """The answer from what both eyes see; about: the same, continued upwards and downwards, for the rim.
@@ -231,14 +206,13 @@ class HandWayFinder:
         return FreeSpace(none, none, none, np.zeros((0, 2)), passage)
 
     def _passage(self, eyes: BothEyes, about: BothEyes | None, pan: float, tilt: float) -> Passage | None:
-        limits = self._limits
-        found = hole.largest_hole(eyes, self._rig, limits.reach, limits.behind, about)
+        found = hole.largest_hole(eyes, self._rig, HAND_REACH_M, HAND_BEHIND_M, about)
         if found is None or found.circle.radius_px < LEAST_RADIUS_PX:
             return None
-        held = hole.surroundings(eyes.left, self._rig, found) >= limits.held
+        held = hole.surroundings(eyes.left, self._rig, found) >= HELD_SHARE
         if not held and not found.bounded:
             return None  # nothing tells how far away the circle is, and so how large
-        measured = hole.measured_in_metres(found, self._rig, limits.edge_sigma_px)
+        measured = hole.measured_in_metres(found, self._rig, RIM_SIGMA_PX)
         rotation, eye = self._mount.left_eye(pan, tilt)
         x, y, z = (float(c) for c in eye + rotation @ np.array(measured.centre))
         needed = self._section.diameter + SIGMAS * measured.sigma_diameter

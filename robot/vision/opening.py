@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from robot.messages import FreeSpace
 from robot.vision.carving import Air
-from robot.vision.plan import Plan, proven
+from robot.vision.plan import Plan, head_axes, proven
 
 Vector = NDArray[np.float64]
 Index = NDArray[np.int32]
@@ -200,8 +200,7 @@ def _room(sides: _Sides, start: float, end: float) -> Vector:
 
 def _beside(plan: Plan, barred: NDArray[np.bool_], bearings: Vector) -> _Sides:
     """Room to the left and right of straight ways from the robot's origin, up to barred places (K, J)."""
-    forward = np.array([math.cos(plan.pan), math.sin(plan.pan)])
-    right = np.array([forward[1], -forward[0]])
+    forward, right = head_axes(plan.pan)
     way = np.column_stack([np.cos(bearings), np.sin(bearings)])
     along = (plan.distances + _ahead_of_origin(plan)) / (way @ forward)[:, None]
     lateral = along * (way @ right)[:, None] - plan.eye[:2] @ right

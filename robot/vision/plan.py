@@ -74,6 +74,12 @@ def outline(air: Air) -> Plan:
     return Plan(rays.tangents, distances, empty & in_view, in_view, top, rays.eye, rays.pan)
 
 
+def head_axes(pan: float) -> tuple[Vector, Vector]:
+    """Unit vectors (2,), robot frame: ahead of a head turned by `pan` radians, and to its right."""
+    forward = np.array([math.cos(pan), math.sin(pan)])
+    return forward, np.array([forward[1], -forward[0]])
+
+
 def barred_by(plan: Plan, points: Points) -> Plan:
     """The same plan with nothing empty from these points on, (N, 3) robot frame, along their directions.
 
@@ -82,9 +88,7 @@ def barred_by(plan: Plan, points: Points) -> Plan:
     """
     if not len(points):
         return plan
-    forward = np.array([math.cos(plan.pan), math.sin(plan.pan)])
-    right = np.array([forward[1], -forward[0]])
-    away = (points[:, :2] - plan.eye[:2]) @ np.column_stack([forward, right])
+    away = (points[:, :2] - plan.eye[:2]) @ np.column_stack(head_axes(plan.pan))
     away = away[away[:, 0] > NEAREST_M]
     step = float(plan.tangents[1] - plan.tangents[0])
     column = np.rint((away[:, 1] / away[:, 0] - plan.tangents[0]) / step).astype(np.intp)
@@ -123,8 +127,7 @@ def ends(plan: Plan) -> Vector:
 
 def _places(eye: Vector, pan: float, tangents: Vector, distances: Vector) -> Vector:
     """Points (N, 2) of the robot frame at forward distances (N,) in directions (N,)."""
-    forward = np.array([math.cos(pan), math.sin(pan)])
-    right = np.array([forward[1], -forward[0]])
+    forward, right = head_axes(pan)
     return np.asarray(eye[:2] + distances[:, None] * (forward + tangents[:, None] * right), np.float64)
 
 
@@ -132,7 +135,7 @@ def proven(air: Air, distance: float) -> Mask:
     """Directions (K,) in which the air at this forward distance is proven empty by one eye or the other.
 
     Nearly all of the rays must be measured to go on, and none of the others may be the edge of a board that
-    hangs there.
+    hangs there. Strips narrower than `THINNEST_M` between proven directions count as proven.
     """
     rays = air.rays
     rows = np.flatnonzero((rays.enters <= distance) & (distance < rays.leaves))

@@ -58,11 +58,9 @@ def ended_for_most(free: FreeSpace, ends: Points) -> FreeSpace:
     count = np.bincount(np.clip(sector + 1, 0, len(free.bearings) + 1), minlength=len(free.bearings) + 2)
     first, count = np.cumsum(count)[:-2], count[1:-1]
     ranked = np.append(away[order], np.inf)
-    middle = (
-        np.minimum(first + count // 2, len(away)),
-        np.minimum(first + np.maximum(count - 1, 0) // 2, len(away)),
-    )
-    most = np.where(count > 0, 0.5 * (ranked[middle[0]] + ranked[middle[1]]), np.inf)
+    lower, upper = first + np.maximum(count - 1, 0) // 2, first + count // 2
+    median = 0.5 * (ranked[np.minimum(lower, len(away))] + ranked[np.minimum(upper, len(away))])
+    most = np.where(count > 0, median, np.inf)
     return replace(free, free=np.minimum(free.free, np.maximum(most, free.near)))
 
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from robot.messages import Image
 from robot.vision.disparity import Disparity, Floats, Mask, Matcher
-from robot.vision.floor_aligned import FloorAlignedMatcher, floor_disparities
+from robot.vision.floor_aligned import FloorAlignedMatcher
 from robot.vision.pair_input import grey_pair
 from robot.vision.stereo_aggregation import Support, aggregate
 from robot.vision.stereo_checks import measured
@@ -35,7 +35,6 @@ __all__ = [
     "FloorAlignedMatcher",
     "HalvedMatcher",
     "Matcher",
-    "floor_disparities",
 ]
 
 COST = MatchingCost()

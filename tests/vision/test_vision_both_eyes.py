@@ -8,7 +8,14 @@ from hypothesis import strategies as st
 from layered_scenes import Layer, cast
 from rendered_pairs import MOUNT, RIG, Block, Room, render
 
-from robot.vision.both_eyes import CONTINUED_SIGMA_PX, BothEyes, moved_to_right, own_texture, see, see_plates
+from robot.vision.both_eyes import (
+    CONTINUED_SIGMA_PX,
+    BothEyes,
+    moved_to_right,
+    own_texture,
+    plates_continued,
+    see,
+)
 from robot.vision.continuation import Surfaces
 from robot.vision.disparity import Disparity
 from robot.vision.free_way import FreeWayFinder
@@ -49,6 +56,10 @@ def measured(scene, fringe=0):
     return a_map(scene.truth, scene.seen & ~edge)
 
 
+def see_plates(found, left, right):
+    return plates_continued(see(found, left, right), left, right)
+
+
 def opening(eye, width):
     """First and last column (R, 2), between the jambs' middles, known to be far in all rows."""
     far = (eye.valid & (np.abs(eye.values - FAR) < 1.0))[ROWS]
@@ -78,14 +89,20 @@ def test_the_map_alone_leaves_what_one_eye_sees_unknown():
     assert not far[:, RIGHT_JAMB - int(NEAR) :].any()
 
 
-def test_what_is_continued_is_told_its_own_sigma_and_what_is_unknown_has_none():
+def test_what_is_measured_keeps_its_sigma_what_is_continued_has_another_and_what_is_unknown_none():
     scene = cast((WALL, *JAMBS), WIDTH, HEIGHT)
-    eyes = see(measured(scene), scene.left, scene.right)
+    found = measured(scene)
+    eyes = see(found, scene.left, scene.right)
     for eye in (eyes.left, eyes.right):
         assert eye.values.shape == eye.valid.shape == eye.sigma_px.shape == (HEIGHT, WIDTH)
         assert eye.values.dtype == eye.sigma_px.dtype == np.float32
-        assert (eye.sigma_px[eye.valid] == np.float32(CONTINUED_SIGMA_PX)).all()
         assert np.isinf(eye.sigma_px[~eye.valid]).all()
+    own = np.repeat(found.valid[::2], 2, axis=0)
+    assert (eyes.left.sigma_px[eyes.left.valid & ~own] == np.float32(CONTINUED_SIGMA_PX)).all()
+    assert (eyes.left.valid & ~own).any()
+    kept = eyes.left.sigma_px[own & eyes.left.valid] == found.sigma_px[found.valid][0]
+    assert kept.mean() > 0.95  # the others were measured without texture and bridged
+    assert (eyes.right.sigma_px[eyes.right.valid] == np.float32(CONTINUED_SIGMA_PX)).all()
 
 
 def test_only_plates_go_on_upwards_and_downwards():

@@ -50,6 +50,20 @@ def test_a_hole_is_measured_in_size_and_place(size, y):
     assert 0.0 < passage.sigma_position < 0.005
 
 
+def test_the_bolder_map_finds_the_rim_and_proves_nothing():
+    """Two fifths of the hole's height are unmeasured; a map that continues surfaces boldly sees all of it."""
+    found = exact_map(shown(frame(0.08)), RIG)
+    v = np.arange(288)[:, None]
+    lower = without(found, np.broadcast_to((v > 155) & (v < 225), found.valid.shape))
+    finder = HandWayFinder(RIG, MOUNT, RoundSection(0.06), AdaptiveWeightMatcher.floors(176))
+    eyes, bold = BothEyes.of(lower), BothEyes.of(found)
+    alone, about = (finder.joined(eyes, 0.0, 0.0, given).passage for given in (None, bold))
+    assert alone.diameter < 0.065
+    assert about.diameter == pytest.approx(0.08, rel=0.05)
+    assert not alone.safe
+    assert not about.safe
+
+
 def test_a_head_as_wide_as_the_hole_is_not_safe():
     found = exact_map(shown(frame(0.06)), RIG)
     assert not passage_of(found, 0.06).safe
