@@ -2,8 +2,8 @@
 
 `python -m bench.freespace [--views 200] [--kind K ...] [--jobs 2] [--cache DIR] [--json] [--show N OUT.png]`.
 Never safe where the body does not fit, safe in 98 % of gaps 15 % wider, passage within 5 % and its centre
-within 10 mm at 0.25 m (hand) or 3 % at 1 m (base), free floor never beyond an obstacle. Exit code 0 if all
-bars hold.
+within 10 mm at 0.25 m (hand) or 3 % at 1 m (base), free floor never beyond an obstacle; and no bare board
+across a gap passed. Exit code 0 if all bars hold.
 """
 
 from __future__ import annotations
@@ -11,14 +11,16 @@ from __future__ import annotations
 import argparse
 import math
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
+from typing import TypeVar
 
 import cv2
 
 from bench.freespace_bars import bars, rows, worst_first
+from bench.freespace_boards import BOARD_KINDS, board_bars, board_rows, passed
 from bench.freespace_judge import Verdict, judge
 from bench.freespace_percept import finder_for
 from bench.freespace_sheet import sheet
@@ -28,6 +30,7 @@ from robot.errors import UserError
 from robot.messages import FreeSpace
 
 Task = tuple[str, int, Path | None]
+Answer = TypeVar("Answer")
 VIEWS, FIRST_SEED = 200, 1
 CHUNK = 8
 
@@ -43,14 +46,14 @@ def verdict_on(task: Task) -> Verdict:
     return judge(*looked_at(*task))
 
 
-def verdicts(tasks: Sequence[Task], jobs: int) -> Iterator[Verdict]:
-    """All verdicts in the order of the tasks. jobs: processes that share the work; 1: this one does it."""
+def answers(asked: Callable[[Task], Answer], tasks: Sequence[Task], jobs: int) -> Iterator[Answer]:
+    """What is answered to all tasks, in order. jobs: processes that share the work; 1: this one does it."""
     if jobs == 1:
-        yield from map(verdict_on, tasks)
+        yield from map(asked, tasks)
         return
     # Spawned, not forked: each process makes its own graphics context.
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        yield from pool.map(verdict_on, tasks, chunksize=CHUNK)
+        yield from pool.map(asked, tasks, chunksize=CHUNK)
 
 
 def show(judged: Sequence[Verdict], count: int, out: Path, cache: Path | None) -> None:
@@ -96,7 +99,9 @@ def main(words: Sequence[str] | None = None) -> int:
     seeds = range(options.seed, options.seed + options.views)
     tasks = [(kind, seed, options.cache) for kind in options.kind or KINDS for seed in seeds]
     try:
-        judged = list(verdicts(tasks, options.jobs))
+        judged = list(answers(verdict_on, tasks, options.jobs))
+        crossed = [task for task in tasks if task[0] in BOARD_KINDS]
+        boarded = list(zip((t[0] for t in crossed), answers(passed, crossed, options.jobs), strict=True))
         if options.show:
             show(judged, int(options.show[0]), Path(options.show[1]), options.cache)
     except UserError as problem:
@@ -104,7 +109,8 @@ def main(words: Sequence[str] | None = None) -> int:
         return 2
     figures = rows(judged)
     told = [{key: figure for key, figure in row.items() if not _unknown(figure)} for row in figures]
-    return publish("freespace", told, bars(figures), options.json)
+    boards = board_rows(BOARD_KINDS, boarded)
+    return publish("freespace", [*told, *boards], [*bars(figures), *board_bars(boards)], options.json)
 
 
 if __name__ == "__main__":

@@ -9,14 +9,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from robot.messages import Image
 from robot.vision.continuation import Surfaces, bridged, to_the_rims, up_and_down
 from robot.vision.disparity import Disparity
-from robot.vision.eye_pair import SMOOTHING_PX, EyePair
+from robot.vision.eye_pair import EyePair
+from robot.vision.own_texture import may_be_boards, own_texture
 from robot.vision.pair_input import grey_pair
 
 Floats = NDArray[np.float32]
@@ -26,16 +26,6 @@ ROW_STEP = 2
 """Every second row is looked at: neighbouring rows of a matcher's map say the same."""
 CONTINUED_SIGMA_PX = 0.3
 """Of a disparity taken from the surface beside it, or seen by the other eye."""
-ROW_KERNEL = (5, 1)
-"""Smoothed along the row alone: a bare board is a few rows high."""
-LYING, STANDING = (21, 1), (1, 10)
-"""Windows (columns, rows looked at) in which a measured pixel must show texture of its own."""
-BAND, BAND_ROWS = (61, 1), 14
-"""Columns and rows over which texture's share is taken; rows looked at that a bare band is high at most."""
-BARE_SHARE, TEXTURED_SHARE = 0.35, 0.6
-"""Share of the pixels that have texture: on a bare band, and beside it."""
-LEAST_CORRELATION = 0.4
-"""Of both eyes' gradients in them; noise on a bare surface has none."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,17 +55,17 @@ def see(disparity: Disparity, left: Image, right: Image, rows: int | None = None
     Raises:
         ValueError: pictures that are no pair, or not of the map's size.
 
-    >>> noise = np.random.default_rng(1).integers(0, 255, (40, 120), np.uint8)
-    >>> wood = cv2.GaussianBlur(noise, (0, 0), 1.5)
+    >>> wood = np.random.default_rng(1).integers(0, 255, (40, 120), np.uint8)
     >>> valid = np.ones((40, 100), np.bool_)
     >>> valid[10:30, 40:60] = False
     >>> flat = Disparity(np.full((40, 100), 8.0, np.float32), valid, np.full((40, 100), 0.1, np.float32))
     >>> eyes = see(flat, wood[:, 8:108], wood[:, 16:116])
-    >>> bool(eyes.left.valid[20, 20:].all()), bool(eyes.right.valid[20, 20:80].all())
+    >>> bool(eyes.left.valid[20, 20:90].all()), bool(eyes.right.valid[20, 20:80].all())
     (True, True)
     """
-    pair, textured = _looked_at(disparity, left, right, rows)
-    by_left = to_the_rims(bridged(textured, pair), pair)
+    pair, measured, boards = _looked_at(disparity, left, right, rows)
+    whole = bridged(measured, pair)
+    by_left = to_the_rims(Surfaces(whole.values, whole.known & ~boards), pair)
     by_right = to_the_rims(moved_to_right(by_left).mirrored, pair.mirrored).mirrored
     return _joined(disparity, by_left, by_right)
 
@@ -97,15 +87,18 @@ def plates_continued(eyes: BothEyes, left: Image, right: Image) -> BothEyes:
     )
 
 
-def _looked_at(disparity: Disparity, left: Image, right: Image, rows: int | None) -> tuple[EyePair, Surfaces]:
-    """The pair and what was measured by texture of its own, every `ROW_STEP`-th of the rows."""
+def _looked_at(
+    disparity: Disparity, left: Image, right: Image, rows: int | None
+) -> tuple[EyePair, Surfaces, Mask]:
+    """Every `ROW_STEP`-th row: the pair, what was measured by texture of its own, what may be a board."""
     greys = grey_pair(left, right)
     if greys[0].shape != disparity.values.shape:
         raise ValueError(f"the disparity map is {disparity.values.shape}, its pictures are {greys[0].shape}")
     pair = EyePair.of(greys[0][:rows], greys[1][:rows], ROW_STEP)
-    values, valid = disparity.values[:rows:ROW_STEP], disparity.valid[:rows:ROW_STEP]
-    textured = valid & own_texture(values, *(grey[:rows:ROW_STEP] for grey in greys))
-    return pair, Surfaces(values, _without_bare_bands(textured))
+    values, answered = disparity.values[:rows], disparity.valid[:rows:ROW_STEP]
+    textured = own_texture(values, *(grey[:rows] for grey in greys))[::ROW_STEP]
+    measured = Surfaces(values[::ROW_STEP], answered & textured)
+    return pair, measured, may_be_boards(answered & ~textured, measured.known, pair.own)
 
 
 def _joined(disparity: Disparity, by_left: Surfaces, by_right: Surfaces) -> BothEyes:
@@ -120,39 +113,6 @@ def _joined(disparity: Disparity, by_left: Surfaces, by_right: Surfaces) -> Both
 
 def _over(above: Surfaces, below: Surfaces) -> Surfaces:
     return Surfaces(np.vstack([above.values, below.values]), np.vstack([above.known, below.known]))
-
-
-def own_texture(values: Floats, left: Image, right: Image) -> Mask:
-    """Pixels (H, W) about which both eyes see the same gradients, in a lying window and in a standing one.
-
-    A matcher's window carries the disparity of a textured surface some way into a bare one beside it, or over
-    a thin bare board altogether: there is nothing here by which it was measured.
-    """
-    height, width = values.shape
-    column = np.arange(width, dtype=np.float32)[None, :] - values
-    row = np.repeat(np.arange(height, dtype=np.float32)[:, None], width, axis=1)
-    seen = cv2.remap(right, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    own, other = (
-        cv2.Sobel(cv2.GaussianBlur(eye, ROW_KERNEL, SMOOTHING_PX), cv2.CV_32F, 1, 0, ksize=1)
-        for eye in (left, seen)
-    )
-    both, each = own * other, own * own + other * other
-    found: Mask = np.ones((height, width), np.bool_)
-    for window in (LYING, STANDING):
-        found &= 2.0 * cv2.blur(both, window) > LEAST_CORRELATION * cv2.blur(each, window)
-    return found
-
-
-def _without_bare_bands(textured: Mask) -> Mask:
-    """What is left of a mask (H, W) without bare bands that lie between texture above and texture below.
-
-    Such a band may be a board: the spots in it agree by chance, and joined they would make it vanish.
-    """
-    share = cv2.blur(textured.astype(np.float32), BAND)
-    tall = np.ones((BAND_ROWS, 1), np.uint8)
-    above, below = (cv2.dilate(share, tall, anchor=(0, anchor)) for anchor in (BAND_ROWS - 1, 0))
-    band = (share < BARE_SHARE) & (np.minimum(above, below) > TEXTURED_SHARE)
-    return np.asarray(textured & ~band, np.bool_)
 
 
 def moved_to_right(surfaces: Surfaces) -> Surfaces:

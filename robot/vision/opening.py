@@ -33,7 +33,7 @@ OPEN_M, OPEN_AT_M = 0.45, 1.05
 """Room beside a way is looked for so far; a way that is nowhere narrower is judged so far ahead."""
 FIRST_NARROW, OPENING_DEPTH_M = 1.25, 0.1
 """A place this much wider than the narrowest counts if it comes first; so deep an opening is looked at."""
-FIRM_M = 0.08
+FIRM_M = 0.05
 """A bare side of an opening may stand so much nearer than where its foot was taken for floor."""
 MOUTH_TIE = 1.03
 """Places so little wider are as narrow."""
@@ -52,12 +52,14 @@ FLOOR_SLACK_M = 0.12
 class Opening:
     """The narrowest place of the way with most room, robot frame, metres.
 
-    left, right: (x, y) of its two sides; top: how high above the floor the picture shows it.
+    left, right: (x, y) of its two sides; top: how high above the floor the picture shows it; leads_to: how
+    far from the origin the way through it leads.
     """
 
     left: tuple[float, float]
     right: tuple[float, float]
     top: float
+    leads_to: float
 
     @property
     def width(self) -> float:
@@ -156,8 +158,11 @@ def way_through(air: Air, plan: Plan, found: Opening, needed: Needed) -> Way | N
     barred = ~np.stack([proven(air, float(d)) for d in plan.distances[rings]], axis=1)
     proof = _beside(replace(plan, distances=plan.distances[rings]), barred, bearings)
     ends = found.distance + needed.beyond
-    measured = _room(proof, found.distance - FIRM_M, ends) - needed.proven
-    spare = np.minimum(measured, _room(_beside(plan, _blocked(plan), bearings), 0.0, ends) - needed.room)
+    spare = _room(proof, found.distance - FIRM_M, ends) - needed.proven
+    ways = _beside(plan, _blocked(plan), bearings)
+    spare = np.minimum(spare, _room(ways, 0.0, ends) - needed.room)
+    # Beside the way through the middle there may be none: a wall stands there a little farther on.
+    spare = np.minimum(spare, _room(ways, 0.0, found.leads_to) - needed.width)
     best = 0 if spare[0] >= 0.0 else int(spare.argmax())
     return Way(float(bearings[best]), found.distance) if spare[best] >= 0.0 else None
 
@@ -248,7 +253,7 @@ def _opening(plan: Plan, things: _Sides, chosen: int, length: float) -> Opening:
     away = (plan.distances + _ahead_of_origin(plan)) / math.cos(math.atan2(y, x) - plan.pan)
     ring = min(int(np.searchsorted(away, math.hypot(x, y))), len(plan.top) - 1)
     sides = [(float(p[0]), float(p[1])) for p in (left, right)]
-    return Opening(sides[0], sides[1], float(plan.top[ring]))
+    return Opening(sides[0], sides[1], float(plan.top[ring]), length)
 
 
 def _narrowest(plan: Plan, things: _Sides, chosen: int, length: float) -> tuple[Vector, Vector]:

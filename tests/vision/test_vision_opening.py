@@ -108,8 +108,8 @@ def test_a_gap_too_narrow_is_measured_all_the_same():
 
 GAP = 0.45
 LEFT, RIGHT = (AWAY, GAP / 2), (AWAY, -GAP / 2)
-OPENING = Opening(LEFT, RIGHT, 0.4)
 NEEDED = Needed(width=0.26, proven=0.3, room=0.28, beyond=0.13)
+OPENING = Opening(LEFT, RIGHT, 0.4, leads_to=AWAY + NEEDED.beyond)
 CLEAR = wall_with_gaps(gap(GAP))
 
 
@@ -179,12 +179,12 @@ def test_an_unproven_strip_in_the_way_closes_it_if_a_thing_may_stand_there(strip
     assert (found is not None) == through
 
 
-@pytest.mark.parametrize(("strip", "through"), [(0.01, True), (0.02, False)], ids=["10 mm", "20 mm"])
+@pytest.mark.parametrize(("strip", "through"), [(0.01, True), (0.04, False)], ids=["10 mm", "40 mm"])
 @pytest.mark.parametrize("side", [1, -1])
 def test_an_unproven_strip_at_a_jamb_takes_its_width_off_what_is_proven(strip, through, side):
     """At the jambs it lies between open air and a thing, and what is proven of 0.45 m is that much less."""
     edge = side * GAP / 2
-    tight = replace(NEEDED, proven=GAP - 0.03)  # twice the strip, and a column each, of the middle way
+    tight = replace(NEEDED, proven=GAP - 0.03)
     found = way(unproven=[tuple(sorted((edge, edge - side * strip)))], needed=tight)
     assert (found is not None) == through
 
@@ -198,6 +198,16 @@ def test_what_stands_before_beside_or_shortly_behind_the_opening_bars_the_way():
         assert (way_through(seen(CLEAR), opened, OPENING, NEEDED) is None) == bars, at
 
 
+@pytest.mark.parametrize(("leads_to", "through"), [(AWAY + 0.2, True), (AWAY + 0.35, False)])
+def test_the_way_leads_as_far_as_the_opening_does(leads_to, through):
+    """Aside of the way that was found there may be none: it must not end at a wall a little farther on."""
+    x, y = places()
+    wall = shadowed((np.abs(y) < 0.3) & (x > AWAY + 0.25) & (x < AWAY + 0.3))
+    opened = replace(plan_of(CLEAR), empty=~(CLEAR | wall))
+    found = way_through(seen(CLEAR), opened, replace(OPENING, leads_to=leads_to), NEEDED)
+    assert (found is not None) == through
+
+
 def test_the_air_must_be_proven_from_before_the_opening_to_behind_it():
     """All rays of a lane end a bit before the opening, or behind: what is beyond is not proven."""
     for ends_at, through in ((AWAY - 0.04, False), (AWAY + 0.06, False), (AWAY + 0.3, True)):
@@ -209,7 +219,7 @@ def test_the_air_must_be_proven_from_before_the_opening_to_behind_it():
 
 
 def test_an_opening_no_ring_reaches_has_no_way():
-    far = Opening((9.0, 0.2), (9.0, -0.2), 0.4)
+    far = Opening((9.0, 0.2), (9.0, -0.2), 0.4, 9.3)
     assert way(opening=far) is None
 
 
