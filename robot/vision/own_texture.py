@@ -29,6 +29,8 @@ EDGE_GREY = 10
 """Grey levels across such an edge (two rows looked at to both sides, mean along it)."""
 BARE_SHARE = 0.7
 """Of a board's columns so many were answered for without texture."""
+SURE_BOARD = (5, 21)
+"""Rows looked at and columns of a stretch that is surely of a board, and goes on beside."""
 
 
 def own_texture(values: Floats, left: Image, right: Image) -> Mask:
@@ -74,12 +76,19 @@ def may_be_boards(bare: Mask, known: Mask, grey: Image) -> Mask:
     step = cv2.blur(padded[2:] - padded[:-2], (LONG_PX, 1))
     edge = (np.abs(step) > EDGE_GREY) & ~known
     band = cv2.blur(bare.astype(np.float32), (LONG_PX, 1)) > BARE_SHARE
-    return np.asarray(band & ~known & _edge_first(edge, known) & _edge_first(edge[::-1], known[::-1])[::-1])
+    found = band & ~known & _edge_first(edge, known) & _edge_first(edge[::-1], known[::-1])[::-1]
+    return np.asarray(found | _on_beside(found), np.bool_)
 
 
 def _gradient_along_row(eye: Image) -> Floats:
     smooth = cv2.GaussianBlur(eye.astype(np.float32), (0, 1), SIGMA_PX, sigmaY=1e-3)
     return np.asarray(cv2.Sobel(smooth, cv2.CV_32F, 1, 0, ksize=1), np.float32)
+
+
+def _on_beside(boards: Mask) -> Mask:
+    """Half a window beside a sure stretch of board (H, W): there the windows see the texture it ends at."""
+    sure = cv2.morphologyEx(boards.view(np.uint8), cv2.MORPH_OPEN, np.ones(SURE_BOARD, np.uint8))
+    return np.asarray(cv2.dilate(sure, np.ones((1, LONG_PX), np.uint8)) > 0, np.bool_)
 
 
 def _edge_first(edge: Mask, known: Mask) -> Mask:
