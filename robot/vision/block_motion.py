@@ -15,11 +15,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from robot.vision.diamond import (
     SMALL_DIAMOND,
@@ -28,16 +26,12 @@ from robot.vision.diamond import (
     Grey,
     Motion,
     equiangular_vertex,
-    parabola_vertex,
 )
+from robot.vision.reduced_search import reduced_search
 
 _HERE: tuple[Displacement, ...] = ((0, 0),)
 _SIDES = SMALL_DIAMOND[1:]
 _CORNERS: tuple[Displacement, ...] = ((-1, -1), (1, -1), (-1, 1), (1, 1))
-# Reduced by this, all placements cost about as much time as ten at full size.
-_REDUCTION = 6
-# A reduced block of fewer pixels across than this says too little.
-_LEAST_REDUCED_PX = 8
 # A bottom is trusted when it has less than this share of its sides' mean distortion, and when the walk to it
 # was no longer (sum of both axes) than _FORESEEN_PX: measured on video blocks as the cheapest that lose few.
 _STEEP = 0.85
@@ -112,7 +106,7 @@ def find_block(
     walk.to_bottom()
     foreseen = abs(walk.best[0] - start[0]) + abs(walk.best[1] - start[1]) <= _FORESEEN_PX
     sure = foreseen and walk.steep()
-    reduced = None if sure else _reduced(block, picture, left, top, window)
+    reduced = None if sure else reduced_search(block, picture, left, top, window)
     if reduced is not None:
         walk.begin((reduced.best(),))
     walk.finish()
@@ -143,8 +137,8 @@ def confidence(block: Grey, picture: Grey, left: int, top: int, motion: Motion, 
         return math.inf if near else differences(dx, dy)
 
     walk = _Walk(elsewhere, _limits(block, picture, left, top, window))
-    reduced = _reduced(block, picture, left, top, window)
-    rival = None if reduced is None else reduced.rival(motion)
+    reduced = reduced_search(block, picture, left, top, window)
+    rival = None if reduced is None else reduced.rival((motion.dx, motion.dy), _APART_PX)
     if rival is None:
         return 0.0
     walk.begin((rival,))
@@ -266,63 +260,3 @@ def _limits(block: Grey, picture: Grey, left: int, top: int, window: int) -> tup
     if limits[0] > limits[1] or limits[2] > limits[3]:
         raise ValueError(f"no place within {window} px of ({left}, {top}) lies inside the picture")
     return limits
-
-
-class _Reduced(NamedTuple):
-    """Squared differences of all placements of a reduced block: cell (above, before) is no motion."""
-
-    surface: NDArray[np.float32]
-    factor: int
-    before: int
-    above: int
-    points: int
-
-    def displacement(self, row: float, column: float) -> Displacement:
-        return round((column - self.before) * self.factor), round((row - self.above) * self.factor)
-
-    def best(self) -> Displacement:
-        """The best placement, to a part of a cell."""
-        row, column = divmod(int(self.surface.argmin()), self.surface.shape[1])
-        across = _vertex_of(self.surface[row].tolist(), column)
-        down = _vertex_of(self.surface[:, column].tolist(), row)
-        return self.displacement(row + down, column + across)
-
-    def rival(self, motion: Motion) -> Displacement | None:
-        """The best placement that is elsewhere, if there is any."""
-        rows, columns = np.indices(self.surface.shape)
-        far_across = np.abs((columns - self.before) * self.factor - motion.dx) > _APART_PX
-        far_down = np.abs((rows - self.above) * self.factor - motion.dy) > _APART_PX
-        values = np.where(far_across | far_down, self.surface, np.inf)
-        row, column = divmod(int(values.argmin()), values.shape[1])
-        return self.displacement(row, column) if np.isfinite(values[row, column]) else None
-
-
-def _vertex_of(line: list[float], index: int) -> float:
-    """Part of a cell from the least value of a line to the vertex of its parabola; 0 at the line's ends."""
-    if not 0 < index < len(line) - 1:
-        return 0.0
-    return parabola_vertex(*line[index - 1 : index + 2])
-
-
-def _reduced(block: Grey, picture: Grey, left: int, top: int, window: int) -> _Reduced | None:
-    """All placements in pictures reduced by a whole factor; None where the picture has no room."""
-    factor = min(_REDUCTION, max(1, min(block.shape) // _LEAST_REDUCED_PX))
-    rows, columns = block.shape[0] // factor, block.shape[1] // factor
-    reach = -(-window // factor)
-    # Whole cells of margin, as many as the picture has on each side: so both reduced grids coincide.
-    before, above = min(reach, left // factor), min(reach, top // factor)
-    after = min(reach, (picture.shape[1] - left) // factor - columns)
-    below = min(reach, (picture.shape[0] - top) // factor - rows)
-    if before + after < 0 or above + below < 0:
-        return None
-    region = picture[
-        top - above * factor : top + (rows + below) * factor,
-        left - before * factor : left + (columns + after) * factor,
-    ]
-    size = columns + before + after, rows + above + below
-    around = cv2.resize(region, size, interpolation=cv2.INTER_AREA)
-    whole_cells = block[: rows * factor, : columns * factor]
-    small = cv2.resize(whole_cells, (columns, rows), interpolation=cv2.INTER_AREA)
-    surface = np.asarray(cv2.matchTemplate(around, small, cv2.TM_SQDIFF), np.float32)
-    points = math.ceil(surface.size * rows * columns / block.size)
-    return _Reduced(surface, factor, before, above, points)
