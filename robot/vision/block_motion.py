@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from statistics import median
 
 import cv2
 import numpy as np
@@ -52,8 +53,8 @@ def predictions(last: Displacement, neighbours: Sequence[Displacement] = ()) -> 
     """
     if not neighbours:
         return (0, 0), last
-    across, down = np.median(np.asarray(neighbours, float), axis=0)
-    return (0, 0), last, (round(float(across)), round(float(down)))
+    across, down = zip(*neighbours, strict=True)
+    return (0, 0), last, (round(median(across)), round(median(down)))
 
 
 def predicted_search(

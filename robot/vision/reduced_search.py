@@ -1,8 +1,8 @@
 """Where in the picture is a block, roughly: all placements tried in pictures reduced by a whole factor.
 
-The coarse level of a two-level pyramid. Both pictures are averaged over cells of up to 6 x 6 px, on grids that
-coincide at no motion; a reduced block of 8 x 8 cells tries all placements in about the time of ten at full
-size. The best cell is refined by a parabola: squared differences are round at their least value.
+The coarse level of a two-level pyramid. Both pictures are averaged over cells of up to 6 x 6 px, on grids
+that coincide at no motion; a reduced block of 8 x 8 cells tries all placements in about the time of ten at
+full size. The best cell is refined by a parabola: squared differences are round at their least value.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def reduced_search(block: Grey, picture: Grey, left: int, top: int, window: int)
     >>> picture = cv2.GaussianBlur(np.random.default_rng(0).integers(0, 255, (120, 160), np.uint8), (0, 0), 4)
     >>> found = reduced_search(picture[40:88, 60:108], picture, 60 - 18, 40 + 12, window=28)
     >>> found.best(), found.points
-    ((18, -12), 4)
+    ((18, -12), 3)
     """
     factor = min(_REDUCTION, max(1, min(block.shape) // _LEAST_REDUCED_PX))
     rows, columns = block.shape[0] // factor, block.shape[1] // factor
