@@ -1,8 +1,8 @@
 """Sub-pixel error of two fits to absolute differences, on real pictures shifted by parts of a pixel.
 
 A picture is reduced four times by averaging, once as it is and once after leaving out 0 to 3 of its rows and
-columns: two pictures of one scene from a camera whose pixels integrate, displaced by 0, 1/4, 1/2, 3/4 px. Noise
-is added to both.
+columns: two pictures of one scene from a camera whose pixels integrate, displaced by 0, 1/4, 1/2, 3/4 px.
+Noise is added to both.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def rows(pictures: Sequence[Picture]) -> list[dict[str, Any]]:
                 _measure(picture, shift, noise, rng, errors)
         for name, told in errors.items():
             if told:
-                found.append({"sub-pixel": name, "noise": noise, **_figures(np.array(told))})
+                found.append({"sequence": f"{name}, noise {noise:g}", **_figures(np.array(told))})
     return found
 
 
@@ -81,7 +81,7 @@ def _figures(told: NDArray[np.float64]) -> dict[str, float]:
     shifts, errors = told[:, 0], told[:, 1]
     towards = np.concatenate([errors[shifts == 1], -errors[shifts == 3]])
     return {
-        "axes": len(errors),
+        "blocks": len(errors) // 2,
         "rms px": round(float(np.sqrt(np.mean(errors**2))), 4),
         "median px": round(float(np.median(np.abs(errors))), 4),
         "bias px": round(float(np.median(towards)), 4),

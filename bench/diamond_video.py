@@ -1,11 +1,12 @@
 """Blocks of real videos for `bench.diamond`: textured ones chosen by a seeded rule, and the true boxes.
 
-A case is three frames in a row and a place: the block is cut from the middle frame, looked for in the last, and
-its motion from the first to the middle one is what a tracker already knows. Rule: of every n-th frame (so that
-a sequence gives PAIRS of them) places are drawn at random, seeded by the sequence's and the frame's number; the
-first PLACES whose texture is enough are taken. A sequence with a truth.csv gives one block more for each frame:
-all three frames are scaled so that the box's geometric mean is 48 px, the block is the 48 x 48 px about its
-centre. Places whose window of +-14 px leaves the picture are not used.
+A case is three frames in a row and a place: the block is cut from the middle frame, looked for in the last,
+and its motion from the first to the middle one is what a tracker already knows. Rule: of every n-th frame, so
+that a sequence gives 20 of them (80 with --full), places are drawn at random, seeded by the numbers of the
+sequence and the frame; the first PLACES whose texture is enough are taken, and as many of any texture. A
+sequence with a truth.csv gives one block more for each frame: all three frames are scaled so that the box's
+geometric mean is 48 px, the block is the 48 x 48 px about its centre. Where the window of +-14 px leaves the
+picture, no block is taken.
 """
 
 from __future__ import annotations

@@ -15,10 +15,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from statistics import median
 
 import cv2
-import numpy as np
 
 from robot.vision.diamond import (
     SMALL_DIAMOND,
@@ -35,7 +33,7 @@ _SIDES = SMALL_DIAMOND[1:]
 _CORNERS: tuple[Displacement, ...] = ((-1, -1), (1, -1), (-1, 1), (1, 1))
 # A bottom is trusted when it has less than this share of its sides' mean distortion, and when the walk to it
 # was no longer (sum of both axes) than _FORESEEN_PX: measured on video blocks as the cheapest that lose few.
-_STEEP = 0.85
+_STEEP = 0.9
 _FORESEEN_PX = 7
 # Farther than this from the motion found is elsewhere: beyond the valley of one edge.
 _APART_PX = 4
@@ -46,15 +44,16 @@ def predictions(last: Displacement, neighbours: Sequence[Displacement] = ()) -> 
     """Where to begin to look: no motion, the last motion, the median of the neighbours' motions.
 
     last: the block's motion one frame ago. neighbours: motions of blocks beside it in this frame; the
-    median is taken of each axis by itself, rounded to whole pixels.
+    median is taken of each axis by itself, of an even number the upper one.
 
     >>> predictions((3, -1), [(5, 0), (6, 1), (40, 0)])
     ((0, 0), (3, -1), (6, 0))
     """
     if not neighbours:
         return (0, 0), last
-    across, down = zip(*neighbours, strict=True)
-    return (0, 0), last, (round(median(across)), round(median(down)))
+    middle = len(neighbours) // 2
+    across, down = sorted(dx for dx, _ in neighbours), sorted(dy for _, dy in neighbours)
+    return (0, 0), last, (across[middle], down[middle])
 
 
 def predicted_search(
@@ -96,6 +95,7 @@ def find_block(
     Raises ValueError for pictures that are not grey or not of one dtype, a block smaller than 4 px, a window
     below 1, no prediction, or if no place within the window lies inside the picture.
 
+    >>> import numpy as np
     >>> picture = cv2.GaussianBlur(np.random.default_rng(0).integers(0, 255, (120, 160), np.uint8), (0, 0), 2)
     >>> motion = find_block(picture[40:88, 60:108], picture, 60 - 20, 40 + 13, window=28)
     >>> motion.dx, motion.dy, motion.distortion
@@ -125,6 +125,7 @@ def confidence(block: Grey, picture: Grey, left: int, top: int, motion: Motion, 
 
     Raises ValueError as `find_block` and for a window below 5, within which there is no elsewhere.
 
+    >>> import numpy as np
     >>> stripes = np.tile(np.array([0, 0, 0, 0, 200, 200, 200, 200], np.uint8), (80, 10))
     >>> confidence(stripes[16:64, 16:64], stripes, 16, 16, Motion(0, 0, 0.0, 1, 0.0, 0.0), window=12)
     0.0
@@ -164,11 +165,13 @@ class _Walk:
     def begin(self, places: Iterable[Displacement]) -> None:
         """Test places to walk from, each moved to the nearest one within the limits."""
         left, right, above, below = self._limits
-        for dx, dy in places:
-            inside = left <= dx <= right and above <= dy <= below
-            place = (dx, dy) if inside else (min(max(dx, left), right), min(max(dy, above), below))
-            if place not in self._tested:
-                self._look(_HERE, place)
+        moved = [
+            (dx, dy)
+            if left <= dx <= right and above <= dy <= below
+            else (min(max(dx, left), right), min(max(dy, above), below))
+            for dx, dy in places
+        ]
+        self._look(moved, (0, 0))
         if not self._tested:
             raise ValueError("no prediction to begin with: give at least one, (0, 0) if nothing is known")
 
