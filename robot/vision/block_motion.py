@@ -31,10 +31,10 @@ from robot.vision.reduced_search import reduced_search
 _HERE: tuple[Displacement, ...] = ((0, 0),)
 _SIDES = SMALL_DIAMOND[1:]
 _CORNERS: tuple[Displacement, ...] = ((-1, -1), (1, -1), (-1, 1), (1, 1))
-# A bottom is trusted when it has less than this share of its sides' mean distortion, and when the walk to it
-# was no longer (sum of both axes) than _FORESEEN_PX: measured on video blocks as the cheapest that lose few.
+# A bottom is trusted when it has less than this share of its sides' mean distortion, and when it is reached in
+# few steps from the prediction: measured on video blocks as the cheapest that lose few.
 _STEEP = 0.9
-_FORESEEN_PX = 7
+_TRUSTED_STEPS = 7
 # Farther than this from the motion found is elsewhere: beyond the valley of one edge.
 _APART_PX = 4
 _SMALLEST_BLOCK_PX = 4
@@ -103,11 +103,8 @@ def find_block(
     """
     walk = _Walk(_differences(block, picture, left, top), _limits(block, picture, left, top, window))
     walk.begin(predicted)
-    start = walk.best
-    walk.to_bottom()
-    foreseen = abs(walk.best[0] - start[0]) + abs(walk.best[1] - start[1]) <= _FORESEEN_PX
-    sure = foreseen and walk.steep()
-    reduced = None if sure else reduced_search(block, picture, left, top, window)
+    walk.to_bottom(_TRUSTED_STEPS)
+    reduced = None if walk.steep() else reduced_search(block, picture, left, top, window)
     if reduced is not None:
         walk.begin((reduced.best(),))
     walk.finish()
@@ -175,17 +172,18 @@ class _Walk:
         if not self._tested:
             raise ValueError("no prediction to begin with: give at least one, (0, 0) if nothing is known")
 
-    def to_bottom(self) -> None:
-        """Walk until no side is lower."""
-        while self.best != self._bottom:
+    def to_bottom(self, steps: int | None = None) -> None:
+        """Walk until no side is lower, or that many steps."""
+        while self.best != self._bottom and steps != 0:
             centre = self.best
+            steps = None if steps is None else steps - 1
             self._look(_SIDES, centre)
             if self.best == centre:
                 self._bottom, self._rises = centre, self._rises_about(centre)
 
     def steep(self) -> bool:
-        """True if the bottom lies far below its sides."""
-        return 4 * self.least <= _STEEP * (4 * self.least + sum(self._rises))
+        """True if the walk is at a bottom that lies far below its sides."""
+        return self.best == self._bottom and 4 * self.least <= _STEEP * (4 * self.least + sum(self._rises))
 
     def finish(self) -> None:
         """Walk until neither a side nor a corner that may be lower is lower."""
