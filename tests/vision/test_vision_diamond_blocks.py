@@ -91,21 +91,31 @@ def test_of_noisy_blocks_nearly_all_have_the_full_searchs_vector() -> None:
     assert np.mean(points) <= 30  # of 841, with no prediction
 
 
-def test_a_right_prediction_saves_the_reduced_search() -> None:
+def test_points_are_all_places_and_a_right_prediction_saves_the_reduced_search(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     picture = textured(5)
     block = picture[50:98, 75:123]
+    asked, norm = [], cv2.norm
+
+    def counting(*words: object) -> float:
+        asked.append(words)
+        return norm(*words)
+
+    monkeypatch.setattr(cv2, "norm", counting)
     told = find_block(block, picture, 66, 46, [(0, 0), (9, 4)], window=14)
+    assert (found_at(told), told.points) == ((9, 4), len(asked))
+    noise = np.random.default_rng(0).normal(0, 5, picture.shape)
+    noisy = np.clip(picture + noise, 0, 255).astype(np.uint8)
+    asked.clear()
+    assert find_block(block, noisy, 66, 46, [(9, 4)], window=14).points == len(asked)
+    asked.clear()
     alone = find_block(block, picture, 66, 46, window=14)
-    assert found_at(told) == found_at(alone) == (9, 4)
-    assert told.points <= 2 + 4 + 4 < alone.points
-
-
-def test_points_counts_the_reduced_search_by_its_pixels() -> None:
-    picture = textured(1)
-    reduced = reduced_search(picture[46:94, 66:114], picture, 66, 46, 28)
+    reduced = reduced_search(block, picture, 66, 46, 14)
     assert reduced is not None
-    assert reduced.surface.shape == (11, 11)
-    assert reduced.points == math.ceil(reduced.surface.size * 64 / 2304)
+    assert (found_at(alone), alone.points) == ((9, 4), len(asked) + reduced.points)
+    # 7 x 7 placements of 8 x 8 cells, as many pixels as 1.4 blocks of 48 x 48.
+    assert (reduced.surface.shape, reduced.points) == ((7, 7), 2)
 
 
 @given(x=st.integers(-7, 7), y=st.integers(-7, 7))
@@ -148,14 +158,14 @@ def test_a_part_of_a_pixel_is_found_with_little_bias() -> None:
     fine = cv2.resize(
         textured(8, blur=3.0, shape=(160, 200)), None, fx=4, fy=4, interpolation=cv2.INTER_CUBIC
     )
-    for quarter in (0, 1, 2, 3):
+    for right, down in ((0, 0), (1, 3), (2, 1), (3, 2)):
         still, moved = (
             cv2.resize(part, None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA)
-            for part in (fine[:600, :720], fine[: 600, quarter : 720 + quarter])
-        )  # fmt: skip
+            for part in (fine[:600, :720], fine[down : 600 + down, right : 720 + right])
+        )
         motion = find_block(still[40:88, 60:108], moved, 60, 40)
-        assert motion.sub_dx == pytest.approx(-quarter / 4, abs=0.06)
-        assert motion.sub_dy == pytest.approx(0.0, abs=0.06)
+        assert motion.sub_dx == pytest.approx(-right / 4, abs=0.06)
+        assert motion.sub_dy == pytest.approx(-down / 4, abs=0.06)
 
 
 def test_confidence_is_one_for_a_perfect_match_and_falls_with_noise() -> None:
