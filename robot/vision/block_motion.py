@@ -31,8 +31,8 @@ from robot.vision.reduced_search import reduced_search
 _HERE: tuple[Displacement, ...] = ((0, 0),)
 _SIDES = SMALL_DIAMOND[1:]
 _CORNERS: tuple[Displacement, ...] = ((-1, -1), (1, -1), (-1, 1), (1, 1))
-# A bottom is trusted when it has less than this share of its sides' mean distortion, and when it is reached in
-# few steps from the prediction: measured on video blocks as the cheapest that lose few.
+# A bottom is trusted when it has less than this share of its sides' mean distortion, and when it is reached
+# in few steps from the prediction: on video blocks the cheapest choice measured that loses few.
 _STEEP = 0.9
 _TRUSTED_STEPS = 7
 # Farther than this from the motion found is elsewhere: beyond the valley of one edge.
