@@ -9,7 +9,7 @@ from calib.model import StereoRig
 from robot.looker import Recognizes
 from robot.messages import Detection, Range, Track, View, wrap
 from robot.target_range import TargetRanger
-from robot.vision.tracker import TemplateTracker
+from robot.vision.tracker import OnlineTracker
 
 CONFIRM_EVERY = 0.4  # seconds of picture time between looks of the recogniser at the tracked box
 DOUBTS_ALLOWED = 3  # so many looks in a row may fail before the track counts as lost
@@ -30,7 +30,7 @@ class TargetFollower:
         self._rig = rig
         self._recognizer = recognizer
         self._ranger = ranger
-        self._tracker: TemplateTracker | None = None
+        self._tracker: OnlineTracker | None = None
         self._lost = False
 
     @property
@@ -45,7 +45,7 @@ class TargetFollower:
 
     def start(self, view: View, detection: Detection) -> None:
         """Follow what was detected in this view."""
-        self._tracker = TemplateTracker()
+        self._tracker = OnlineTracker()
         self._tracker.start(view.frame.left, detection.box)
         self._lost = False
         self._last_view = view

@@ -12,7 +12,7 @@ import numpy as np
 from robot.errors import UserError
 from robot.messages import Box, Image
 from robot.teach import TeachingView
-from robot.vision.tracker import TemplateTracker
+from robot.vision.tracker import OnlineTracker
 
 PICTURES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".webp", ".tif", ".tiff"})
 BOXES_FILE = "boxes.csv"
@@ -105,7 +105,7 @@ def _tracked(capture: cv2.VideoCapture, path: Path, box: Box) -> Iterator[Teachi
         raise UserError(f"{path} holds no frames: record it again")
     image = np.asarray(first, np.uint8)
     _check_inside(box, image, "--box")
-    tracker = TemplateTracker()
+    tracker = OnlineTracker()
     try:
         tracker.start(image, box)
     except ValueError as error:

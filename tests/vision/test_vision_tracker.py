@@ -1,4 +1,4 @@
-"""The template tracker: motion, size, light, loss and return, drift."""
+"""The online tracker: motion, size, light, loss and return, drift, cover, bad pictures."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pytest
 
 from robot.messages import Box
 from robot.vision.textures import texture
-from robot.vision.tracker import TemplateTracker
+from robot.vision.tracker import OnlineTracker
 
 WALL = texture((352, 288), np.random.default_rng(1))
 PRINT = texture((120, 160), np.random.default_rng(2))
@@ -34,7 +34,7 @@ def box(u: float, v: float, height: float) -> Box:
 
 
 def test_a_moving_growing_target_in_changing_light_is_followed() -> None:
-    tracker = TemplateTracker()
+    tracker = OnlineTracker()
     tracker.start(frame(100, 140, 50), box(100, 140, 50))
     for k in range(1, 60):
         u, v, height = 100 + 2.5 * k, 140 + 30 * np.sin(k / 8), 50 * 1.01**k
@@ -45,7 +45,7 @@ def test_a_moving_growing_target_in_changing_light_is_followed() -> None:
 
 
 def test_growth_that_nobody_announced_is_noticed() -> None:
-    tracker = TemplateTracker()
+    tracker = OnlineTracker()
     tracker.start(frame(170, 140, 60), box(170, 140, 60))
     for k in range(1, 41):
         track = tracker.update(frame(170, 140, 60 * 1.01**k))
@@ -54,7 +54,7 @@ def test_growth_that_nobody_announced_is_noticed() -> None:
 
 @pytest.mark.parametrize("jump", [(25, 0), (-25, 6), (12, -22)])
 def test_a_jump_of_25_px_is_caught_without_any_hint(jump: tuple[int, int]) -> None:
-    tracker = TemplateTracker()
+    tracker = OnlineTracker()
     tracker.start(frame(170, 140, 60), box(170, 140, 60))
     track = tracker.update(frame(170 + jump[0], 140 + jump[1], 60))
     assert not track.lost
@@ -62,7 +62,7 @@ def test_a_jump_of_25_px_is_caught_without_any_hint(jump: tuple[int, int]) -> No
 
 
 def test_the_heads_own_motion_is_no_motion_of_the_target() -> None:
-    tracker = TemplateTracker()
+    tracker = OnlineTracker()
     tracker.start(frame(100, 140, 60), box(100, 140, 60))
     track = tracker.update(frame(175, 150, 60), shift=(75.0, 10.0))
     assert not track.lost
@@ -71,7 +71,7 @@ def test_the_heads_own_motion_is_no_motion_of_the_target() -> None:
 
 
 def test_a_vanished_target_is_lost_and_found_again_where_it_returns() -> None:
-    tracker = TemplateTracker()
+    tracker = OnlineTracker()
     tracker.start(frame(170, 140, 60), box(170, 140, 60))
     for _ in range(5):
         gone = tracker.update(WALL)
@@ -83,7 +83,7 @@ def test_a_vanished_target_is_lost_and_found_again_where_it_returns() -> None:
 
 
 def test_a_still_target_does_not_drift_through_noise() -> None:
-    tracker = TemplateTracker()
+    tracker = OnlineTracker()
     tracker.start(frame(170.4, 139.7, 55), box(170.4, 139.7, 55))
     for k in range(100):
         track = tracker.update(frame(170.4, 139.7, 55, noise_seed=k))
@@ -94,7 +94,7 @@ def test_a_still_target_does_not_drift_through_noise() -> None:
 
 def test_a_look_that_changes_slowly_is_learnt() -> None:
     other = texture((352, 288), np.random.default_rng(5))
-    tracker = TemplateTracker()
+    tracker = OnlineTracker()
     tracker.start(frame(170, 140, 80), box(170, 140, 80))
     patch = np.s_[100:180, 140:200]
     for k in range(60):
@@ -106,18 +106,18 @@ def test_a_look_that_changes_slowly_is_learnt() -> None:
     assert track.box.iou(box(170, 140, 80)) > 0.7
 
 
-def test_reanchor_takes_the_confirmed_place() -> None:
-    tracker = TemplateTracker()
+def test_a_new_start_forgets_the_old_place() -> None:
+    tracker = OnlineTracker()
     tracker.start(frame(100, 140, 60), box(100, 140, 60))
     picture = frame(250, 120, 40)
-    tracker.reanchor(picture, box(250, 120, 40))
+    tracker.start(picture, box(250, 120, 40))
     track = tracker.update(picture)
     assert not track.lost
     assert track.box.iou(box(250, 120, 40)) > 0.9
 
 
 def test_a_target_leaving_the_picture_is_followed_and_then_lost() -> None:
-    tracker = TemplateTracker()
+    tracker = OnlineTracker()
     tracker.start(frame(290, 140, 60), box(290, 140, 60))
     lost = []
     for k in range(1, 30):
@@ -128,7 +128,7 @@ def test_a_target_leaving_the_picture_is_followed_and_then_lost() -> None:
 
 def test_the_same_frames_give_the_same_track() -> None:
     def run() -> list:
-        tracker = TemplateTracker()
+        tracker = OnlineTracker()
         tracker.start(frame(100, 140, 60), box(100, 140, 60))
         return [tracker.update(frame(100 + 3 * k, 140, 60, noise_seed=k)) for k in range(8)]
 
@@ -136,10 +136,90 @@ def test_the_same_frames_give_the_same_track() -> None:
 
 
 def test_misuse_is_refused() -> None:
-    tracker = TemplateTracker()
+    tracker = OnlineTracker()
     with pytest.raises(RuntimeError, match="start"):
         tracker.update(WALL)
     with pytest.raises(ValueError, match="6 px"):
         tracker.start(WALL, Box(100, 100, 3, 3))
     with pytest.raises(ValueError, match="6 px"):
         tracker.start(WALL, Box(400, 100, 30, 30))
+
+
+def test_a_jump_beyond_its_window_is_caught_by_the_block_s_motion() -> None:
+    tracker = OnlineTracker()
+    tracker.start(frame(100, 140, 60), box(100, 140, 60))
+    track = tracker.update(frame(138, 160, 60))
+    assert not track.lost
+    assert track.box.iou(box(138, 160, 60)) > 0.85
+
+
+def test_a_target_half_covered_for_30_frames_is_still_the_target_afterwards() -> None:
+    tracker = OnlineTracker()
+    other = texture((352, 288), np.random.default_rng(9))
+    for k in range(90):
+        u = 90 + 2 * k
+        picture = frame(u, 140, 60)
+        if 30 <= k < 60:
+            picture[110:170, u - 23 : u] = other[110:170, u - 23 : u]
+        if k == 0:
+            tracker.start(picture, box(u, 140, 60))
+            continue
+        track = tracker.update(picture)
+        if k >= 65:
+            assert not track.lost
+            assert track.box.iou(box(u, 140, 60)) > 0.65
+
+
+def test_out_of_view_for_100_frames_it_locks_onto_nothing_and_comes_back_elsewhere() -> None:
+    tracker = OnlineTracker()
+    tracker.start(frame(100, 140, 60), box(100, 140, 60))
+    for k in range(30):
+        tracker.update(frame(100 + 2 * k, 140, 60, noise_seed=k))
+    for k in range(100):
+        noisy = np.clip(WALL + np.random.default_rng(k).normal(0, 4, WALL.shape), 0, 255).astype(np.uint8)
+        assert tracker.update(noisy).lost
+    found = [tracker.update(frame(270, 100, 60, noise_seed=k)) for k in range(10)]
+    assert not found[-1].lost
+    assert found[-1].box.iou(box(270, 100, 60)) > 0.7
+
+
+def test_black_frames_and_another_size_are_lost_not_followed() -> None:
+    tracker = OnlineTracker()
+    tracker.start(frame(170, 140, 60), box(170, 140, 60))
+    for k in range(25):
+        tracker.update(frame(170, 140, 60, noise_seed=k))
+    assert tracker.update(np.zeros_like(WALL)).lost
+    assert not tracker.update(frame(170, 140, 60)).lost
+    smaller = cv2.resize(WALL, (176, 144), interpolation=cv2.INTER_AREA)
+    assert tracker.update(smaller).lost
+    assert tracker.update(np.zeros((2000, 3000), np.uint8)).lost
+
+
+def test_grey_pictures_are_followed_as_colour_ones() -> None:
+    tracker = OnlineTracker()
+    tracker.start(_grey(frame(150, 140, 60)), box(150, 140, 60))
+    for k in range(1, 10):
+        track = tracker.update(_grey(frame(150 + 3 * k, 140, 60)))
+    assert track.box.iou(box(177, 140, 60)) > 0.85
+
+
+@pytest.mark.parametrize(
+    ("picture", "words"),
+    [
+        (np.zeros((288, 352, 3), np.uint16), "uint8"),
+        (np.zeros((288, 352, 4), np.uint8), "BGR"),
+        (np.zeros((4, 4, 3), np.uint8), "at least 8 px"),
+    ],
+    ids=["16 bit", "alpha", "tiny"],
+)
+def test_a_picture_it_cannot_read_is_refused_in_words(picture: np.ndarray, words: str) -> None:
+    tracker = OnlineTracker()
+    with pytest.raises(ValueError, match=words):
+        tracker.start(picture, box(100, 140, 60))
+    tracker.start(frame(170, 140, 60), box(170, 140, 60))
+    with pytest.raises(ValueError, match=words):
+        tracker.update(picture)
+
+
+def _grey(picture: np.ndarray) -> np.ndarray:
+    return picture if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
