@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from robot.errors import UserError
 from robot.messages import Box, Image
 from robot.model_file import Model
-from robot.vision.nmf import FLAT_STD, FlatViewError, prepare
+from robot.vision.prepared_view import FLAT_STD, FlatViewError, prepare
 from robot.vision.recognizer import Recognizer
 from robot.vision.textures import texture
 from robot.vision.windows import grey_of, resize

@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 
 from robot.messages import Box, Image
 from robot.vision.colour import ColourSums
-from robot.vision.nmf import EUCLIDEAN, Matrix, Objective, largest_rank
+from robot.vision.nmf_objectives import EUCLIDEAN, Objective
+from robot.vision.nmf_rank import largest_rank
+from robot.vision.prepared_view import Matrix
 from robot.vision.recognizer import AspectGroup, Evidence, Judge, Recognizer
 from robot.vision.viewspace import ViewSpace, window_size
 from robot.vision.windows import grey_of

@@ -15,7 +15,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.vision.nmf import FLAT_STD, NMF, TARGET_MEAN, TARGET_STD, Matrix, Objective, prepare
+from robot.vision.nmf import NMF
+from robot.vision.nmf_objectives import Objective
+from robot.vision.prepared_view import FLAT_STD, TARGET_MEAN, TARGET_STD, Matrix, prepare
 from robot.vision.windows import Floats, local_mean_std
 
 # Windows of the whole picture are compared with at most this many typical views: more cost time, not misses.

@@ -9,7 +9,8 @@ import skimage.data
 
 from robot.messages import Box, Image
 from robot.vision.colour import LAYOUT_LENGTH, ColourSums, layout_similarity
-from robot.vision.nmf import EUCLIDEAN, FlatViewError
+from robot.vision.nmf_objectives import EUCLIDEAN
+from robot.vision.prepared_view import FlatViewError
 from robot.vision.recognizer import Evidence, Judge, Recognizer
 from robot.vision.recognizer_training import in_other_light, learn_judge, look_alike, shape_groups
 from robot.vision.textures import texture
