@@ -4,6 +4,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+PEERS := .venv-peers
 JOBS ?= 2
 
 # One thread each: the robot's computer is small, and results do not depend on the number of cores.
@@ -12,7 +13,7 @@ export OMP_NUM_THREADS := 1
 export LP_NUM_THREADS := 1
 export MUJOCO_GL ?= egl
 
-.PHONY: demo test test-all test-kernel lint bench scenes clean
+.PHONY: demo test test-all test-kernel lint bench bench-data bench-peers scenes clean
 
 demo: $(READY)
 	$(BIN)/robot demo
@@ -40,12 +41,28 @@ bench: $(READY)
 	$(BIN)/python -m bench.faults
 	$(BIN)/python -m bench.fuzz
 	$(BIN)/python -m bench.wire
+	$(BIN)/python -m bench.nmf
+
+# Benches on real images: make bench-data DATA=folder (its layout is told by each bench's --help).
+bench-data: $(READY) bench-peers
+	$(BIN)/python -m bench.stereo --data $(DATA)
+	$(BIN)/python -m bench.detector --data $(DATA)
+	$(BIN)/python -m bench.tracker --data $(DATA)
+	$(BIN)/python -m bench.diamond --data $(DATA)
+
+# OpenCV's CSRT and KCF are in its contrib package, which would replace the robot's OpenCV: an environment of its own.
+bench-peers: $(PEERS)/.ready
+
+$(PEERS)/.ready:
+	$(PYTHON) -m venv $(PEERS)
+	$(PEERS)/bin/python -m pip install --quiet --disable-pip-version-check numpy opencv-contrib-python-headless
+	@touch $@
 
 scenes: $(READY)
 	$(BIN)/robot run --sim all --seeds 5 --jobs $(JOBS)
 
 clean:
-	rm -rf $(VENV) runs
+	rm -rf $(VENV) $(PEERS) runs
 
 $(READY): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
