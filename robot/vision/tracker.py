@@ -15,12 +15,16 @@ from collections import deque
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robot.messages import Box, Image, Track
 from robot.vision.motion_prior import motion_prior
 from robot.vision.picture_patch import bgr_of
+from robot.vision.support import support_of
 from robot.vision.target_look import Rates, Sighting, TargetLook
 from robot.vision.target_memory import TargetMemory
+
+Mask = NDArray[np.bool_]
 
 SMALLEST_BOX_PX = 6.0
 
@@ -90,6 +94,16 @@ class OnlineTracker:
     def box(self) -> Box | None:
         """Where the target was last seen or, while lost, is guessed; None before `start`."""
         return self._box
+
+    @property
+    def support(self) -> Mask | None:
+        """Which pixels (H, W) of the last picture are the target's; None while it is lost or before `start`.
+
+        Worked out when asked for (2 ms).
+        """
+        if self._box is None or self._lost_for:
+            return None
+        return support_of(self._before, self._box, self._look.colours)
 
     def start(self, image: Image, box: Box) -> None:
         """Begin to follow what is in `box` (pixels, partly inside) of a BGR or grey uint8 picture.

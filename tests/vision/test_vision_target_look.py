@@ -13,6 +13,7 @@ from robot.vision.gradient_histograms import CHANNELS, MOST, UNSIGNED, gradient_
 from robot.vision.motion_prior import motion_prior
 from robot.vision.picture_patch import bgr_of, patch_of
 from robot.vision.scale_filter import ScaleFilter
+from robot.vision.support import support_of
 from robot.vision.target_look import Rates, TargetLook
 from robot.vision.textures import texture
 
@@ -147,3 +148,26 @@ def test_pictures_are_checked():
     for bad in (np.zeros((9, 9), np.float32), np.zeros((9, 9, 4), np.uint8), np.zeros((5, 9), np.uint8)):
         with pytest.raises(ValueError, match="picture"):
             bgr_of(bad)
+
+
+@pytest.mark.parametrize("centre", [(80, 60), (20, 60), (150, 110)])
+def test_the_support_is_the_target_without_the_corners_of_its_box(centre):
+    picture = cv2.resize(np.random.default_rng(7).integers(60, 120, (12, 16, 3), np.uint8), (160, 120))
+    picture[..., 2] //= 3
+    disc = np.zeros((120, 160), np.uint8)
+    cv2.circle(disc, centre, 20, 1, -1)
+    picture[disc > 0] = (20, 30, 220)
+    box = Box(centre[0] - 20, centre[1] - 20, 41, 41)
+    around = patch_of(picture, box.centre, (90.0, 90.0), (90, 90))
+    found = support_of(picture, box, ColourModel.learnt(around, (41.0, 41.0)))
+    assert found.shape == (120, 160)
+    assert (found & (disc > 0)).sum() / (found | (disc > 0)).sum() > 0.9
+
+
+def test_where_colours_tell_nothing_the_support_is_the_box():
+    grey = np.full((120, 160, 3), 128, np.uint8)
+    colours = ColourModel.learnt(grey, (40.0, 40.0))
+    found = support_of(grey, Box(60, 40, 40, 40), colours)
+    expected = np.zeros((120, 160), np.bool_)
+    expected[40:80, 60:100] = True
+    assert (found ^ expected).sum() < 0.1 * expected.sum()

@@ -135,6 +135,19 @@ def test_the_same_frames_give_the_same_track() -> None:
     assert run() == run()
 
 
+def test_the_support_is_told_while_the_target_is_held() -> None:
+    tracker = OnlineTracker()
+    assert tracker.support is None
+    tracker.start(frame(170, 140, 60), box(170, 140, 60))
+    tracker.update(frame(173, 140, 60))
+    support = tracker.support
+    assert support is not None
+    rows, columns = np.nonzero(support)
+    assert Box(columns.min(), rows.min(), np.ptp(columns), np.ptp(rows)).iou(box(173, 140, 60)) > 0.6
+    tracker.update(np.zeros_like(WALL))
+    assert tracker.support is None
+
+
 def test_misuse_is_refused() -> None:
     tracker = OnlineTracker()
     with pytest.raises(RuntimeError, match="start"):
