@@ -26,6 +26,8 @@ Floats = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
 LEVELS_PER_OCTAVE = 4
+FINER_SCORE = 0.1
+"""Power of a level's size by which its votes are too many: a finer one shows more places of the object."""
 VOTER_STEPS = 2.5
 """Grid steps (standard deviation) about a maximum within which a vote was for it."""
 
@@ -193,7 +195,9 @@ class FernDetector:
         found = []
         for label, known in self.classes.items():
             maps = [
-                smoothed(known.codebook.counted(level.leaves)) / np.float32(known.unit) for level in levels
+                smoothed(known.codebook.counted(level.leaves))
+                / np.float32(known.unit * level.shrink**FINER_SCORE)
+                for level in levels
             ]
             above, beside = known.codebook.margin
             shrinks, step = [level.shrink for level in levels], self.settings.step_px

@@ -17,6 +17,9 @@ WINDOW = 0.15
 STEPS, STILL_PX = 4, 0.2
 NEIGHBOURS = 1
 """Levels to both sides that a window holds."""
+FINER = 0.8
+"""A finer level shows more places of an object, and so more votes for it: where its size is sought they count
+less, by this power of the level's size."""
 APART = 0.5
 """Two maxima whose middles lie nearer, of the extent, are of one object."""
 
@@ -96,7 +99,7 @@ def _climbed(
             part = votes[y0 : round(row) + window[1] + 1, x0 : round(column) + window[0] + 1]
             if not part.size:
                 continue
-            weights = part.astype(np.float64) ** 2
+            weights = (part.astype(np.float64) / shrinks[level] ** FINER) ** 2
             weight = float(weights.sum())
             x = (
                 weights.sum(axis=0) @ np.arange(x0, x0 + part.shape[1]) / max(weight, 1e-9) - margin[0]
