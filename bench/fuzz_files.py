@@ -25,12 +25,12 @@ from calib.files import format_rig, parse_rig
 from calib.model import StereoRig
 from robot import config, settings_file
 from robot.errors import UserError
-from robot.model_file import Model, from_bytes, to_bytes
+from robot.model_file import VERSION, Model, from_bytes, to_bytes
 from robot.model_file import load as load_model
 from robot.rig_file import load_rig
 from robot.sim.scene import FOLDER, load_scene
 from robot.vision.colour import LAYOUT_LENGTH
-from robot.vision.recognizer import Recognizer
+from robot.vision.target_finder import TargetFinder
 
 _FILE_EVERY: Final = 64
 _HEAD: Final = struct.Struct("<8sHI32s")
@@ -134,7 +134,7 @@ class ModelFile(_File):
         """True if it is a model."""
         self._through_file(data, load_model)
         model = from_bytes(data)
-        assert model.recognizer.groups, "a model without views"
+        assert model.finder.recognizer.groups, "a model without views"
         return True
 
 
@@ -143,23 +143,40 @@ def _encoded(texts: list[str]) -> list[bytes]:
 
 
 def _model(name: str, groups: int) -> Model:
-    """The smallest model there can be: spaces of two by two pixels."""
+    """The smallest model there can be: spaces of two by two pixels, one fern of two tests."""
     arrays: dict[str, NDArray[np.generic]] = {
-        "judge": np.array([0.5, 0.25, 0.25, 0.0]),
-        "aspects": np.ones(groups),
+        "half_judge": np.array([0.5, 0.25, 0.25, 0.0]),
+        "nmf.judge": np.array([0.5, 0.25, 0.25, 0.0]),
+        "nmf.aspects": np.ones(groups),
     }
     for group in range(groups):
         for space in ("coarse", "fine"):
             arrays |= {
-                f"{group}.{space}.size": np.array([2, 2], np.int32),
-                f"{group}.{space}.inverse": np.eye(1, 4, dtype=np.float32),
-                f"{group}.{space}.encodings": np.ones((1, 1), np.float32),
-                f"{group}.{space}.columns": np.full((1, 4), 0.5, np.float32),
-                f"{group}.{space}.gauge": np.ones((1, 1), np.float32),
+                f"nmf.{group}.{space}.size": np.array([2, 2], np.int32),
+                f"nmf.{group}.{space}.inverse": np.eye(1, 4, dtype=np.float32),
+                f"nmf.{group}.{space}.encodings": np.ones((1, 1), np.float32),
+                f"nmf.{group}.{space}.columns": np.full((1, 4), 0.5, np.float32),
+                f"nmf.{group}.{space}.gauge": np.ones((1, 1), np.float32),
             }
-        arrays[f"{group}.layouts"] = np.zeros((1, LAYOUT_LENGTH), np.float32)
-    recognizer = Recognizer.from_arrays(name, arrays)
-    return Model(name, recognizer, 1, 0.2, "written by the bench", b"\x89PNG")
+        arrays[f"nmf.{group}.layouts"] = np.zeros((1, LAYOUT_LENGTH), np.float32)
+    arrays |= {f"ferns.{key}": array for key, array in _ferns().items()}
+    return Model(name, TargetFinder.from_arrays(name, arrays), 1, 0.2, "written by the bench", b"\x89PNG")
+
+
+def _ferns() -> dict[str, NDArray[np.generic]]:
+    """What one fern of two tests learnt of a class of 8 px, one cell of offsets."""
+    return {
+        "settings": np.array([1, 2, 6, 2, 8, 0], np.int32),
+        "background": np.ones((1, 4), np.float32),
+        "tests.channel": np.array([[0, 1]], np.int32),
+        "tests.first": np.zeros((1, 2, 2), np.int32),
+        "tests.second": np.ones((1, 2, 2), np.int32),
+        "tests.reach": np.array(6, np.int32),
+        "0.extent": np.array([8.0, 8.0]),
+        "0.met": np.ones((1, 4), np.float32),
+        "0.offsets": np.ones((1, 4, 1), np.float32),
+        "0.counts": np.array([0, 0, 1], np.int32),
+    }
 
 
 def _sealed(rng: random.Random, data: bytes) -> bytes:
@@ -171,7 +188,7 @@ def _sealed(rng: random.Random, data: bytes) -> bytes:
         length = end + 1 if end >= 0 else length
         body = _with_odd_header(rng, body, length)
         length = body.find(b"}") + 1 if b"}" in body else len(body)
-    return _HEAD.pack(b"ROBOTMDL", 1, length, hashlib.sha256(body).digest()) + body
+    return _HEAD.pack(b"ROBOTMDL", VERSION, length, hashlib.sha256(body).digest()) + body
 
 
 def _with_odd_header(rng: random.Random, body: bytes, length: int) -> bytes:

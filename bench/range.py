@@ -28,7 +28,7 @@ def samples(scene_name: str, seed: int) -> Iterator[Sample]:
     """True depth, measured depth and sigma of every range of one run."""
     scene = load_scene(scene_name)
     model = target_for(scene.taught_object)
-    run = SimRun(scene, seed, model.recognizer, height_m=model.height_m)
+    run = SimRun(scene, seed, model.finder, height_m=model.height_m)
     last = -1.0
     seq_at: dict[float, int] = {}
     try:

@@ -45,7 +45,7 @@ def measure(scene_name: str, seed: int) -> dict[str, Any]:
     """Run one scene; wall times of the control tick without vision, ages at decision, shares of a core."""
     scene = load_scene(scene_name)
     target, worker = target_for(scene.taught_object), ChargedWorker()
-    simulated = SimRun(scene, seed, target.recognizer, worker=worker, height_m=target.height_m)
+    simulated = SimRun(scene, seed, target.finder, worker=worker, height_m=target.height_m)
     ticks, track_ages, floor_ages = [], [], []
     try:
         while not simulated.done:
@@ -88,7 +88,7 @@ def slowed(scene_name: str, seed: int) -> tuple[bool, bool]:
     """Run with every stage three times slower: whether the run said so, and whether it collided."""
     scene = load_scene(scene_name)
     target = target_for(scene.taught_object)
-    simulated = SimRun(scene, seed, target.recognizer, options=SimOptions(slow=3.0), height_m=target.height_m)
+    simulated = SimRun(scene, seed, target.finder, options=SimOptions(slow=3.0), height_m=target.height_m)
     said = False
     try:
         while not simulated.done:

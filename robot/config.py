@@ -168,6 +168,13 @@ class Vision(Struct, frozen=True, forbid_unknown_fields=True):
     """The vision stages and what they look for."""
 
     model: Annotated[str, _doc("file of the taught target (`robot teach`); empty: none")] = ""
+    method: Annotated[
+        str,
+        _doc(
+            "how it is looked for: ferns propose and NMF confirms (half hidden too), or NMF alone",
+            pattern="^(ferns-nmf|nmf)$",
+        ),
+    ] = "ferns-nmf"
     disparities: Annotated[
         int, _doc("searched disparities, a multiple of 16", ge=16, le=512, multiple_of=16)
     ] = 64
@@ -186,7 +193,7 @@ class Vision(Struct, frozen=True, forbid_unknown_fields=True):
         default_factory=lambda: Stage(rate_hz=8.0, cost_s=0.006)
     )
     recognize: Annotated[Stage, _doc("looking for the target in the whole picture")] = field(
-        default_factory=lambda: Stage(rate_hz=5.0, cost_s=0.06)
+        default_factory=lambda: Stage(rate_hz=5.0, cost_s=0.07)
     )
 
 

@@ -40,7 +40,7 @@ def look_at(
     rig = load_rig(calibration)
     picture_left, picture_right = read_pair(left, right, rig)
     model = None if target is None else model_file.load(target)
-    found = look(picture_left, picture_right, rig, wanted, None if model is None else model.recognizer)
+    found = look(picture_left, picture_right, rig, wanted, None if model is None else model.finder)
     write_picture(out, look_picture.draw(found))
     for line in words(found, None if model is None else model.name):
         print(line)

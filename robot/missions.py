@@ -24,6 +24,7 @@ from robot.run_recorded import SimJob, run_recorded
 from robot.run_sim import SimOptions
 from robot.sim.injected import KINDS, InjectedFault
 from robot.sim.scene import Scene, load_scene, shipped_scenes
+from robot.teach import found_words
 from robot.told_faults import ToldFault, split_fault
 
 RUNS = Path("runs")
@@ -238,6 +239,7 @@ def teach_target(source: str, name: str, box: str | None, out: Path | None, seed
         lesson = taught.from_studio(name, source, seed, console)
     model_file.save(out, lesson.model)
     console.print(f"{name}: {lesson.summary()}", soft_wrap=True, markup=False)
+    console.print(found_words(lesson.validation), soft_wrap=True, markup=False)
     for warning in lesson.warnings:
         console.print(f"[yellow]mind:[/] {warning}", soft_wrap=True)
     sheet = out.with_suffix(".png")

@@ -1,4 +1,4 @@
-"""The file a taught target lives in: recognizer, name, preview and where it came from.
+"""The file a taught target lives in: ferns and NMF views, name, preview and where it came from.
 
 Layout: the 8 bytes `ROBOTMDL`, the format's version (2 bytes), length of the header (4 bytes), SHA-256 of
 everything behind it (32 bytes), a JSON header, then the arrays and the preview one after the other. All
@@ -23,8 +23,10 @@ from numpy.typing import NDArray
 
 from robot.errors import UserError
 from robot.vision.recognizer import Recognizer
+from robot.vision.target_finder import TargetFinder
 
-VERSION = 1
+VERSION = 2
+NMF_ALONE = "nmf"
 _MAGIC = b"ROBOTMDL"
 _HEAD = struct.Struct("<8sHI32s")
 _DTYPES = ("<f4", "<f8", "<i4")
@@ -41,11 +43,15 @@ class Model:
     """
 
     name: str
-    recognizer: Recognizer
+    finder: TargetFinder
     views: int
     height_m: float | None = None
     created_from: str = ""
     preview_png: bytes = b""
+
+    def recognition(self, method: str) -> TargetFinder | Recognizer:
+        """What looks for the target by this method (`vision.method` of the config)."""
+        return self.finder.recognizer if method == NMF_ALONE else self.finder
 
 
 def save(path: Path | str, model: Model) -> None:
@@ -78,9 +84,22 @@ def load(path: Path | str) -> Model:
         raise UserError(f"{path}: {error}") from error
 
 
+def is_outdated(path: Path) -> bool:
+    """True for a model file of an older format than this program reads."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(_HEAD.size)
+    except OSError:
+        return False
+    if len(head) < _HEAD.size:
+        return False
+    magic, version, *_ = _HEAD.unpack(head)
+    return bool(magic == _MAGIC and version < VERSION)
+
+
 def to_bytes(model: Model) -> bytes:
     """The file's content; the same model gives the same bytes."""
-    arrays = {key: _portable(array) for key, array in sorted(model.recognizer.arrays().items())}
+    arrays = {key: _portable(array) for key, array in sorted(model.finder.arrays().items())}
     blocks = [array.tobytes() for array in arrays.values()]
     header = {
         "name": model.name,
@@ -127,8 +146,8 @@ def _model(header: dict[str, Any], blocks: memoryview) -> Model:
         raise ValueError("its length is wrong")
     name = str(header["name"])
     height = None if header["height_m"] is None else float(header["height_m"])
-    recognizer = Recognizer.from_arrays(name, arrays)
-    return Model(name, recognizer, int(header["views"]), height, str(header["created_from"]), preview)
+    finder = TargetFinder.from_arrays(name, arrays)
+    return Model(name, finder, int(header["views"]), height, str(header["created_from"]), preview)
 
 
 def _portable(array: NDArray[np.generic]) -> NDArray[np.generic]:

@@ -75,7 +75,11 @@ def run_until(
         folder = RunFolder.create(root, datetime.now())
         closing.callback(folder.close)
         perception = build_perception(
-            config, straight.rig, target.recognizer, ThreadWorker(clock), target.height_m
+            config,
+            straight.rig,
+            target.recognition(config.vision.method),
+            ThreadWorker(clock),
+            target.height_m,
         )
         closing.callback(perception.close)
         announce = Announcer(console)

@@ -49,7 +49,14 @@ def run_recorded(job: SimJob, root: Path, started: datetime, progress: Progress 
     config = load(job.config) if job.config is not None else Config()
     # All that can be refused comes before the folder: a run that never began leaves nothing behind.
     target = model_file.load(job.model)
-    run = SimRun(scene, job.seed, target.recognizer, config, job.options, height_m=target.height_m)
+    run = SimRun(
+        scene,
+        job.seed,
+        target.recognition(config.vision.method),
+        config,
+        job.options,
+        height_m=target.height_m,
+    )
     try:
         folder = RunFolder.create(root, started)
     except UserError:

@@ -142,7 +142,7 @@ class WireRobot:
         perception = build_perception(
             self._config,
             nominal_rig(self._config),
-            self._target.recognizer,
+            self._target.recognition(self._config.vision.method),
             ThreadWorker(self.clock),
             self._target.height_m,
         )

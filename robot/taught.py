@@ -9,7 +9,7 @@ import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
 
-from robot import model_file, teach, teach_sources
+from robot import model_file, teach, teach_sources, teach_views
 from robot.errors import UserError
 from robot.messages import Box
 
@@ -52,9 +52,9 @@ def from_pictures(name: str, source: Path, box: Box | None, seed: int, console: 
 
 
 def model_for(target: str, console: Console) -> Path:
-    """The model file of a simulated target; made in the studio if it is not there yet."""
+    """The model file of a simulated target; made in the studio if it is not there or of an old format."""
     path = FOLDER / f"{target}.model"
-    if not path.exists():
+    if not path.exists() or model_file.is_outdated(path):
         make_folder()
         lesson = from_studio(target, f"teach-{target}", STUDIO_SEED, console)
         model_file.save(path, lesson.model)
@@ -89,7 +89,7 @@ def parse_box(text: str) -> Box:
 
 
 def _with_progress(
-    work: Callable[[teach.Progress], teach.Lesson], words: str, console: Console
+    work: Callable[[teach_views.Progress], teach.Lesson], words: str, console: Console
 ) -> teach.Lesson:
     columns = (
         SpinnerColumn(),

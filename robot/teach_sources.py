@@ -11,7 +11,7 @@ import numpy as np
 
 from robot.errors import UserError
 from robot.messages import Box, Image
-from robot.teach import TeachingView
+from robot.teach_views import TeachingView
 from robot.vision.tracker import OnlineTracker
 
 PICTURES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".webp", ".tif", ".tiff"})
@@ -119,4 +119,4 @@ def _tracked(capture: cv2.VideoCapture, path: Path, box: Box) -> Iterator[Teachi
         image, frame = np.asarray(picture, np.uint8), frame + 1
         track = tracker.update(image)
         if frame % _FRAMES_BETWEEN == 0 and not track.lost and track.confidence >= _CERTAIN:
-            yield TeachingView(image, track.box)
+            yield TeachingView(image, track.box, mask=tracker.support)

@@ -93,7 +93,7 @@ def _with_header(spoil: Callable[[dict[str, Any]], None]) -> bytes:
     spoil(header)
     text = json.dumps(header).encode()
     body = text + data[head.size + length :]
-    return head.pack(b"ROBOTMDL", 1, len(text), hashlib.sha256(body).digest()) + body
+    return head.pack(b"ROBOTMDL", model_file.VERSION, len(text), hashlib.sha256(body).digest()) + body
 
 
 @pytest.mark.parametrize("host", ["a..b", ".0.7", "x" * 70])

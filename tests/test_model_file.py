@@ -11,8 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robot.errors import UserError
+from robot.messages import Box
 from robot.model_file import Model, from_bytes, load, save, to_bytes
-from robot.vision.recognizer import Recognizer
+from robot.vision.finder_training import View, fit
 from robot.vision.textures import texture
 
 
@@ -20,8 +21,10 @@ from robot.vision.textures import texture
 def model() -> Model:
     side = texture((60, 80), np.random.default_rng(0))
     views = [cv2.convertScaleAbs(side[k:], alpha=1 - 0.05 * k) for k in range(8)]
-    recognizer = Recognizer.fit(views, [], "Tasse ä", seed=0)
-    return Model("Tasse ä", recognizer, 8, 0.14, "8 pictures in cups/", b"\x89PNG preview")
+    looks = [View(view, Box(0, 0, view.shape[1], view.shape[0])) for view in views]
+    walls = [texture((240, 200), np.random.default_rng(seed)) for seed in (5, 6, 7)]
+    taught = fit(looks, walls, "Tasse ä", seed=0)
+    return Model("Tasse ä", taught.finder, 8, 0.14, "8 pictures in cups/", b"\x89PNG preview")
 
 
 def test_what_was_saved_is_loaded(model: Model, tmp_path: Path) -> None:
@@ -31,13 +34,13 @@ def test_what_was_saved_is_loaded(model: Model, tmp_path: Path) -> None:
     assert (again.created_from, again.preview_png) == (model.created_from, model.preview_png)
     picture = texture((352, 288), np.random.default_rng(1))
     picture[100:180, 100:160] = texture((60, 80), np.random.default_rng(0))
-    assert again.recognizer.predict(picture) == model.recognizer.predict(picture)
+    assert again.finder.predict(picture) == model.finder.predict(picture)
     assert to_bytes(again) == to_bytes(model)
     assert [path.name for path in tmp_path.iterdir()] == ["cup.model"]
 
 
 def test_an_unknown_height_stays_unknown(model: Model) -> None:
-    assert from_bytes(to_bytes(Model("x", model.recognizer, 8))).height_m is None
+    assert from_bytes(to_bytes(Model("x", model.finder, 8))).height_m is None
 
 
 def test_saving_replaces_the_old_file_whole(model: Model, tmp_path: Path) -> None:

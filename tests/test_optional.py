@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 
 from robot import model_file
+from robot.messages import Box
 from robot.model_file import Model
-from robot.vision.recognizer import Recognizer
+from robot.vision.finder_training import View, fit
 
 ROOT = Path(__file__).parents[1]
 
@@ -73,7 +74,8 @@ class Machine:
         poster = cv2.resize(rng.integers(0, 255, (8, 6, 3), np.uint8), (60, 80))
         wall = cv2.resize(rng.integers(90, 160, (9, 12, 3), np.uint8), (352, 288))
         views = [cv2.convertScaleAbs(poster, alpha=gain) for gain in (0.5, 0.6, 0.7, 0.8, 0.9, 1.0)]
-        taught = Recognizer.fit(views, [wall], "poster", seed=0)
+        looks = [View(picture, Box(0, 0, 60, 80)) for picture in views]
+        taught = fit(looks, [wall], "poster", seed=0).finder
         model_file.save(self.folder / "poster.model", Model("poster", taught, len(views)))
         return self.write("robot.toml", f'[vision]\nmodel = "poster.model"\n{table}')
 

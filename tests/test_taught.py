@@ -47,7 +47,7 @@ def test_a_target_nobody_taught_is_taught_in_its_studio(
 
     def studio(name: str, scene: str, seed: int, console: Console) -> Lesson:
         asked.append((name, scene, seed))
-        return Lesson(box, box.views, {}, (), None)  # type: ignore[arg-type]
+        return Lesson(box, box.views, {}, (), None, None)  # type: ignore[arg-type]
 
     monkeypatch.setattr(taught, "from_studio", studio)
     path = taught.model_for("cup", QUIET)
@@ -55,6 +55,18 @@ def test_a_target_nobody_taught_is_taught_in_its_studio(
     assert model_file.load(path).views == box.views
     assert taught.model_for("cup", QUIET) == path
     assert asked == [("cup", "teach-cup", taught.STUDIO_SEED)], "once"
+
+
+def test_a_model_of_an_older_format_is_taught_anew(
+    folder: Path, box: Model, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lesson = Lesson(box, box.views, {}, (), None, None)  # type: ignore[arg-type]
+    monkeypatch.setattr(taught, "from_studio", lambda *_: lesson)
+    (folder / "models").mkdir()
+    data = bytearray(model_file.to_bytes(box))
+    data[8:10] = (1).to_bytes(2, "little")
+    (folder / "models" / "box.model").write_bytes(data)
+    assert model_file.load(taught.model_for("box", QUIET)).views == box.views
 
 
 def test_a_lesson_that_fails_leaves_no_model(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

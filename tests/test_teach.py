@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 
 import cv2
@@ -10,8 +11,10 @@ import pytest
 
 from robot.errors import UserError
 from robot.messages import Box, Image
-from robot.teach import TeachingView, drawn_negatives, fault_of, sharpness, teach, view_of
+from robot.teach import drawn_negatives, found_words, teach, warnings_for, warnings_of
 from robot.teach_sources import views_from_folder, views_from_video
+from robot.teach_views import BLURRED, TeachingView, fault_of, sharpness, view_of
+from robot.vision.finder_training import Validation
 from robot.vision.textures import texture
 from robot.vision.windows import grey_of
 
@@ -60,10 +63,10 @@ def lesson():
 
 def test_the_taught_model_finds_its_target_and_nothing_else(lesson) -> None:
     new = view(31, 75)
-    found = lesson.model.recognizer.predict(new.image_bgr)
+    found = lesson.model.finder.predict(new.image_bgr)
     assert found[0].box.iou(new.box) > 0.6
     assert found[0].label == "box"
-    assert lesson.model.recognizer.predict(room(999)) == []
+    assert lesson.model.finder.predict(room(999)) == []
 
 
 def test_the_lesson_says_what_was_learnt(lesson) -> None:
@@ -72,11 +75,35 @@ def test_the_lesson_says_what_was_learnt(lesson) -> None:
     assert lesson.model.name == "box"
     assert lesson.model.height_m == pytest.approx(0.22, rel=0.02)
     assert lesson.model.created_from == "30 views"
-    assert lesson.contact_sheet.shape == (3 * 72, 10 * 72, 3)
+    assert lesson.contact_sheet.shape == (2 * 22 + 3 * 72, 10 * 72, 3), "two lines of words, three rows"
     assert lesson.contact_sheet.std() > 20
     preview = cv2.imdecode(np.frombuffer(lesson.model.preview_png, np.uint8), cv2.IMREAD_COLOR)
     assert preview.shape == (144, 144, 3)
     assert lesson.warnings == ()
+
+
+def test_the_lesson_says_how_well_by_views_it_did_not_learn_from(lesson) -> None:
+    told = lesson.validation
+    assert (told.scenes, told.pictures) == (30, 60), "each view once, each picture without it once"
+    assert told.recall > 0.7, "with 20 of the 30 views"
+    assert 0.2 < told.half_recall <= told.recall
+    assert told.false_alarms < 0.05
+    assert found_words(told).startswith("cross-validated: found ")
+
+
+def test_a_poor_cross_validation_is_warned_about() -> None:
+    good, poor = Validation(0.95, 0.5, 0.0, 30, 60), Validation(0.6, 0.1, 0.5, 30, 60)
+    assert warnings_of(good) == []
+    first, second, third = warnings_of(poor)
+    assert "only 60% of the views" in first
+    assert "half hidden" in second
+    assert "0.50 false alarms a picture" in third
+
+
+def test_many_blurred_views_are_warned_about() -> None:
+    views = [view(k) for k in range(9)]
+    assert not any("blurred" in words for words in warnings_for(views, Counter({BLURRED: 2})))
+    assert any("5 views are blurred" in words for words in warnings_for(views, Counter({BLURRED: 5})))
 
 
 def test_every_refused_view_is_counted_with_its_reason() -> None:
@@ -114,7 +141,7 @@ def test_unfit_names_are_refused(name: str) -> None:
 def test_one_size_one_light_and_few_views_are_warned_about() -> None:
     whole = [TeachingView(view(k, 100).image_bgr, view(k, 100).box) for k in range(0, 15)]
     warnings = " ".join(teach(whole, "x", 0).warnings)
-    assert "same size" in warnings
+    assert "same distance" in warnings
     assert "only 15 views" in warnings
 
 
@@ -134,7 +161,7 @@ def test_noise_does_not_pass_for_sharpness() -> None:
 
 
 def test_the_same_views_and_seed_give_the_same_model() -> None:
-    first, second = (teach([view(k) for k in range(9)], "x", 4).model.recognizer.arrays() for _ in range(2))
+    first, second = (teach([view(k) for k in range(9)], "x", 4).model.finder.arrays() for _ in range(2))
     assert all(first[key].tobytes() == second[key].tobytes() for key in first)
     assert np.array_equal(drawn_negatives(1, 2)[1], drawn_negatives(1, 2)[1])
     assert not np.array_equal(drawn_negatives(1, 2)[1], drawn_negatives(2, 2)[1])

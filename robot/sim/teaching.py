@@ -14,6 +14,7 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from robot.messages import Box, HeadPose, Image
 from robot.sim.scene import Scene, SceneError, load_scene
@@ -35,7 +36,7 @@ class TeachingView:
     """One view: both pictures (H, W, 3) uint8 BGR, the tight box around the target in the left one, depth.
 
     depth_m: camera z of the surface at the box's centre; head: where the head looked; yaw: which side of the
-    object faced the camera, radians (0: its front).
+    object faced the camera, radians (0: its front); mask: none is made.
     """
 
     image_bgr: Image
@@ -44,6 +45,7 @@ class TeachingView:
     right_bgr: Image
     head: HeadPose
     yaw: float
+    mask: NDArray[np.bool_] | None = None
 
 
 def studios() -> tuple[str, ...]:

@@ -9,6 +9,7 @@ Source: Ozuysal, Calonder, Lepetit, Fua, "Fast keypoint recognition using random
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import cv2
@@ -55,6 +56,32 @@ class Ferns:
         channel = np.arange(ferns * bits).reshape(ferns, bits) % CHANNELS
         return cls(rng.permuted(channel, axis=1).astype(np.int8), pixels[0], pixels[1], reach)
 
+    def arrays(self) -> dict[str, NDArray[np.generic]]:
+        """The tests as plain arrays."""
+        return {
+            "channel": self.channel.astype(np.int32),
+            "first": self.first.astype(np.int32),
+            "second": self.second.astype(np.int32),
+            "reach": np.array(self.reach, np.int32),
+        }
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, NDArray[np.generic]]) -> Ferns:
+        """The inverse of `arrays`. Raises KeyError or ValueError where they do not fit together."""
+        channel, first, second = (
+            np.asarray(arrays[name], np.int32) for name in ("channel", "first", "second")
+        )
+        reach = int(np.asarray(arrays["reach"]).item())
+        if channel.ndim != 2 or not 1 <= channel.shape[1] <= 12 or not len(channel) or not 1 <= reach <= 32:
+            raise ValueError("the ferns' tests have an unknown form")
+        if any(
+            pixels.shape != (*channel.shape, 2) or np.abs(pixels).max() > reach for pixels in (first, second)
+        ):
+            raise ValueError("the ferns' tests do not fit together")
+        if channel.min() < 0 or channel.max() >= CHANNELS:
+            raise ValueError("the ferns ask for a channel that is not there")
+        return cls(channel.astype(np.int8), first.astype(np.int8), second.astype(np.int8), reach)
+
     @property
     def count(self) -> int:
         """How many ferns."""
@@ -76,26 +103,38 @@ class Ferns:
         (2, 6, 8)
         """
         reach, (height, width) = self.reach, planes.shape[1:]
-        wide = [cv2.copyMakeBorder(p, reach, reach, reach, reach, cv2.BORDER_REPLICATE) for p in planes]
         rows, columns = -(-height // step), -(-width // step)
-        found = np.zeros((self.count, rows, columns), np.uint16)
-        bit = np.empty((rows, columns), np.uint16)
+        thinned = [_thinned(plane, reach, step) for plane in planes]
+        small = np.uint8 if self.channel.shape[1] <= 8 else np.uint16
+        found = np.zeros((self.count, rows, columns), small)
+        bit = np.empty((rows, columns), np.bool_)
         for fern in range(self.count):
             for test in range(self.channel.shape[1]):
-                plane = wide[self.channel[fern, test]]
+                plane = thinned[self.channel[fern, test]]
                 (y0, x0), (y1, x1) = (
                     (int(p[0]) + reach, int(p[1]) + reach)
                     for p in (self.first[fern, test], self.second[fern, test])
                 )
+                first, second = plane[y0 % step][x0 % step], plane[y1 % step][x1 % step]
+                y0, x0, y1, x1 = (edge // step for edge in (y0, x0, y1, x1))
                 np.greater(
-                    plane[y0 : y0 + height : step, x0 : x0 + width : step],
-                    plane[y1 : y1 + height : step, x1 : x1 + width : step],
+                    first[y0 : y0 + rows, x0 : x0 + columns],
+                    second[y1 : y1 + rows, x1 : x1 + columns],
                     out=bit,
-                    casting="unsafe",
                 )
-                np.left_shift(found[fern], 1, out=found[fern])
-                np.bitwise_or(found[fern], bit, out=found[fern])
-        return found
+                np.add(found[fern], found[fern], out=found[fern])
+                np.bitwise_or(found[fern], bit.view(np.uint8), out=found[fern])
+        return found.astype(np.uint16, copy=False)
+
+
+def _thinned(plane: NDArray[np.uint8], reach: int, step: int) -> list[list[NDArray[np.uint8]]]:
+    """Every `step`-th row and column of a plane with a rim, for each first row and column.
+
+    Tests then read neighbouring bytes, which is several times as fast as reading every `step`-th.
+    """
+    far = reach + step
+    wide = cv2.copyMakeBorder(plane, reach, far, reach, far, cv2.BORDER_REPLICATE)
+    return [[np.ascontiguousarray(wide[y::step, x::step]) for x in range(step)] for y in range(step)]
 
 
 def channels(image: Image) -> Planes:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -86,6 +86,32 @@ class Experience:
                 flat = np.bincount(chosen * cells + cell[inside], minlength=ferns.leaf_count * cells)
                 offsets[fern] += flat.reshape(-1, cells)
         return replace(self, met=met, offsets=offsets, views=self.views + len(places))
+
+    def arrays(self) -> dict[str, NDArray[np.generic]]:
+        """All of it as plain arrays."""
+        return {
+            "extent": np.array(self.extent, np.float64),
+            "met": self.met,
+            "offsets": self.offsets,
+            "counts": np.array([self.up, self.aside, self.views], np.int32),
+        }
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, NDArray[np.generic]]) -> Experience:
+        """The inverse of `arrays`. Raises KeyError or ValueError where they do not fit together."""
+        width, height = (float(edge) for edge in arrays["extent"])
+        up, aside, views = (int(count) for count in arrays["counts"])
+        met, offsets = (np.asarray(arrays[name], np.float32) for name in ("met", "offsets"))
+        cells = (2 * up + 1) * (2 * aside + 1)
+        if min(up, aside, views) < 0 or met.ndim != 2 or offsets.shape != (*met.shape, cells):
+            raise ValueError("what the ferns learnt does not fit together")
+        if not (0.0 < width < math.inf and 0.0 < height < math.inf) or not np.isfinite(offsets).all():
+            raise ValueError("what the ferns learnt holds impossible numbers")
+        if not np.isfinite(met).all() or min(met.min(initial=0.0), offsets.min(initial=0.0)) < 0.0:
+            raise ValueError("what the ferns learnt holds impossible numbers")
+        if (offsets.sum(axis=2) > 1.001 * met + 1e-3).any():
+            raise ValueError("the ferns learnt more offsets than places")
+        return cls((width, height), met, offsets, up, aside, views)
 
     def codebook(self, background: Floats) -> Codebook:
         """Votes of each leaf: posterior of the object, spread over the offsets met.

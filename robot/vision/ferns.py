@@ -9,8 +9,8 @@ and those who voted for them tell which pixels belong to the object.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import astuple, dataclass, replace
 
 import cv2
 import numpy as np
@@ -176,8 +176,7 @@ class FernDetector:
         experience = before
         if places:
             experience = before.and_met(self.ferns, places, settings.step_px)
-        codebook = experience.codebook(background)
-        return _Known(experience, experience.extent, codebook, peak_of(experience.votes_of_a_view(codebook)))
+        return _known(experience, background)
 
     def predict(
         self, image: Image, scales: Sequence[float] | None = None, *, least_score: float = 0.2, most: int = 10
@@ -204,6 +203,40 @@ class FernDetector:
             spots = peaks(maps, shrinks, (beside, above), step, known.extent, least_score, most)
             found += self._explained(spots, levels, known, label, image.shape[:2], least_score)
         return sorted(found, key=lambda d: -d.score)
+
+    def arrays(self) -> dict[str, NDArray[np.generic]]:
+        """Everything learnt as plain arrays, keyed 'settings', 'background', 'tests.first', '0.met', ...
+
+        Classes are numbered in the order of `classes`; their names are not in the arrays.
+        """
+        arrays: dict[str, NDArray[np.generic]] = {
+            "settings": np.array(astuple(self.settings), np.int32),
+            "background": self.background,
+        }
+        arrays |= {f"tests.{key}": value for key, value in self.ferns.arrays().items()}
+        for index, known in enumerate(self.classes.values()):
+            arrays |= {f"{index}.{key}": value for key, value in known.experience.arrays().items()}
+        return arrays
+
+    @classmethod
+    def from_arrays(cls, labels: Sequence[str], arrays: Mapping[str, NDArray[np.generic]]) -> FernDetector:
+        """The inverse of `arrays`. Raises KeyError or ValueError where they do not fit together."""
+        settings = FernSettings(*(int(value) for value in arrays["settings"]))
+        ferns = Ferns.from_arrays(_below("tests.", arrays))
+        background = np.asarray(arrays["background"], np.float32)
+        sane = 1 <= settings.step_px <= 16 and 8 <= settings.reference_px <= 512
+        if background.shape != (ferns.count, ferns.leaf_count) or not sane:
+            raise ValueError("the arrays of a fern detector do not fit together")
+        if not np.isfinite(background).all() or background.min() < 0.0:
+            raise ValueError("the ferns' background holds impossible numbers")
+        learnt = [Experience.from_arrays(_below(f"{i}.", arrays)) for i in range(len(labels))]
+        for one in learnt:
+            narrow, long = sorted(one.extent)
+            fits = one.met.shape == background.shape and 0.99 < long / settings.reference_px < 1.01
+            if not fits or narrow < 2.0:
+                raise ValueError("what was learnt does not fit the ferns")
+        known = {name: _known(one, background) for name, one in zip(labels, learnt, strict=True)}
+        return cls(settings, ferns, background, known)
 
     def _levels(self, image: Image, scales: Sequence[float] | None) -> list[_Level]:
         height, width = image.shape[:2]
@@ -260,3 +293,12 @@ class FernDetector:
         leaves = level.leaves[:, y0:y1, x0:x1]
         votes = known.codebook.voters(leaves, (centre[0] - y0, centre[1] - x0), VOTER_STEPS)
         return Voters(votes, (x0 / per_step, y0 / per_step), 1.0 / per_step)
+
+
+def _known(experience: Experience, background: NDArray[np.float32]) -> _Known:
+    codebook = experience.codebook(background)
+    return _Known(experience, experience.extent, codebook, peak_of(experience.votes_of_a_view(codebook)))
+
+
+def _below(prefix: str, arrays: Mapping[str, NDArray[np.generic]]) -> dict[str, NDArray[np.generic]]:
+    return {key.removeprefix(prefix): value for key, value in arrays.items() if key.startswith(prefix)}

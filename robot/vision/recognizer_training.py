@@ -18,7 +18,8 @@ from robot.vision.colour import ColourSums
 from robot.vision.nmf_objectives import EUCLIDEAN, Objective
 from robot.vision.nmf_rank import largest_rank
 from robot.vision.prepared_view import Matrix
-from robot.vision.recognizer import AspectGroup, Evidence, Judge, Recognizer
+from robot.vision.recognizer import Recognizer
+from robot.vision.view_matching import AspectGroup, Evidence, Judge
 from robot.vision.viewspace import ViewSpace, window_size
 from robot.vision.windows import grey_of
 
@@ -30,14 +31,14 @@ MOST_GROUPS = 3
 # Views whose shapes differ by more than this factor are not stretched into one window.
 GROUP_SPREAD = 1.35
 FEWEST_VIEWS = 4
-_FOLDS = 3
+FOLDS = 3
 _SMALLEST_NEGATIVE_PX = 64
 # How strongly the judge is held to counting all evidence alike: one kind that happened to separate the
 # lesson's pictures perfectly must not silence the others.
 _PRIOR = 0.01
 # Where between the negatives and the positives the threshold lies.
 _MARGIN = 0.7
-_LEAST_MARGIN = 0.15
+LEAST_MARGIN = 0.15
 # The median held-out view gets this score, whatever the target.
 _TYPICAL_SCORE = 0.9
 
@@ -52,16 +53,22 @@ def fit(
     """See `Recognizer.fit`. objective: what the factorisations minimise."""
     if len(views) < FEWEST_VIEWS:
         raise ValueError(f"at least {FEWEST_VIEWS} views are needed, got {len(views)}")
-    usable = [picture for picture in negatives if min(picture.shape[:2]) >= _SMALLEST_NEGATIVE_PX]
+    usable = large_enough(negatives)
     rng = np.random.default_rng(seed)
-    recognizer = _unjudged(views, label, seed, objective)
+    recognizer = unjudged(views, label, seed, objective)
     positives = _held_out_evidence(views, usable, label, seed, objective, rng)
     against = [place.evidence for picture in usable for place in recognizer.candidates(picture)]
-    against += [_evidence_in_scene(recognizer, look_alike(view, rng), usable, rng) for view in views]
+    against += [evidence_in_scene(recognizer, look_alike(view, rng), usable, rng) for view in views]
     return Recognizer(label, recognizer.groups, learn_judge(positives, against))
 
 
-def _unjudged(views: Sequence[Image], label: str, seed: int, objective: Objective) -> Recognizer:
+def large_enough(negatives: Sequence[Image]) -> list[Image]:
+    """The pictures in which something can be looked for."""
+    return [picture for picture in negatives if min(picture.shape[:2]) >= _SMALLEST_NEGATIVE_PX]
+
+
+def unjudged(views: Sequence[Image], label: str, seed: int, objective: Objective = EUCLIDEAN) -> Recognizer:
+    """A recognizer whose judge has learnt nothing yet."""
     groups = tuple(
         _learn_group([views[i] for i in members], seed, objective) for members in shape_groups(views)
     )
@@ -105,20 +112,19 @@ def _held_out_evidence(
     rng: np.random.Generator,
 ) -> list[Evidence]:
     """Evidence for views as seen by recognizers that did not learn from them, two scenes a view."""
-    folds = np.arange(len(views)) % _FOLDS
+    folds = np.arange(len(views)) % FOLDS
     evidence: list[Evidence] = []
-    for fold in range(_FOLDS):
-        taught = _unjudged(
-            [v for v, f in zip(views, folds, strict=True) if f != fold], label, seed, objective
-        )
+    for fold in range(FOLDS):
+        taught = unjudged([v for v, f in zip(views, folds, strict=True) if f != fold], label, seed, objective)
         held = [v for v, f in zip(views, folds, strict=True) if f == fold]
-        evidence += [_evidence_in_scene(taught, view, backgrounds, rng) for view in held for _ in range(2)]
+        evidence += [evidence_in_scene(taught, view, backgrounds, rng) for view in held for _ in range(2)]
     return evidence
 
 
-def _evidence_in_scene(
+def evidence_in_scene(
     recognizer: Recognizer, view: Image, backgrounds: Sequence[Image], rng: np.random.Generator
 ) -> Evidence:
+    """What speaks for the view's place in a scene made of it."""
     picture, box = scene_with(view, backgrounds, rng)
     return recognizer.locate(picture, box).evidence
 
@@ -131,13 +137,14 @@ def scene_with(view: Image, backgrounds: Sequence[Image], rng: np.random.Generat
     if height > view.shape[0]:
         height, width = view.shape[:2]
     small = cv2.resize(view, (width, height), interpolation=cv2.INTER_AREA)
-    frame = _background(backgrounds, 2 * width, 2 * height, rng)
+    frame = background(backgrounds, 2 * width, 2 * height, rng)
     x, y = width // 2, height // 2
     frame[y : y + height, x : x + width] = small
     return in_other_light(frame, rng), Box(x, y, width, height)
 
 
-def _background(backgrounds: Sequence[Image], width: int, height: int, rng: np.random.Generator) -> Image:
+def background(backgrounds: Sequence[Image], width: int, height: int, rng: np.random.Generator) -> Image:
+    """A part of one of the pictures, (height, width, 3), at a random scale; plain grey without pictures."""
     if not backgrounds:
         return np.full((height, width, 3), int(rng.integers(30, 220)), np.uint8)
     picture = backgrounds[int(rng.integers(len(backgrounds)))]
@@ -162,11 +169,19 @@ def in_other_light(image: Image, rng: np.random.Generator) -> Image:
 
 def look_alike(view: Image, rng: np.random.Generator) -> Image:
     """The target's shape with another print: the middle turned upside down, or its hues turned."""
+    return other_hues(view, rng) if rng.random() < 0.5 else other_print(view)
+
+
+def other_hues(view: Image, rng: np.random.Generator) -> Image:
+    """The view with all hues turned alike."""
+    hsv = cv2.cvtColor(view, cv2.COLOR_BGR2HSV)
+    hsv[..., 0] = (hsv[..., 0].astype(int) + int(rng.integers(40, 141))) % 180
+    return np.asarray(cv2.cvtColor(hsv, cv2.COLOR_HSV2BGR), np.uint8)
+
+
+def other_print(view: Image) -> Image:
+    """The view with its middle turned upside down."""
     other = view.copy()
-    if rng.random() < 0.5:
-        hsv = cv2.cvtColor(other, cv2.COLOR_BGR2HSV)
-        hsv[..., 0] = (hsv[..., 0].astype(int) + int(rng.integers(40, 141))) % 180
-        return np.asarray(cv2.cvtColor(hsv, cv2.COLOR_HSV2BGR), np.uint8)
     rows, columns = view.shape[0] // 8, view.shape[1] // 8
     middle = np.s_[rows : view.shape[0] - rows, columns : view.shape[1] - columns]
     other[middle] = view[middle][::-1, ::-1]
@@ -176,12 +191,16 @@ def look_alike(view: Image, rng: np.random.Generator) -> Image:
 # ------------------------------------------------------------------------------------------ threshold
 
 
-def learn_judge(positives: Sequence[Evidence], negatives: Sequence[Evidence]) -> Judge:
+def learn_judge(
+    positives: Sequence[tuple[float, float, float]],
+    negatives: Sequence[tuple[float, float, float]],
+    least_margin: float = LEAST_MARGIN,
+) -> Judge:
     """Weights and threshold that separate two sets of evidence; no evidence ever counts against the target.
 
     Logistic regression with weights >= 0, both sets counting equally. The threshold (score 0.5) lies seven
     tenths of the way from the 99.95 % quantile of the negatives to the 5 % quantile of the positives, at
-    least 15 % of the way to their median: a false find is worse than a second look.
+    least `least_margin` of the way to their median: a false find is worse than a second look.
     """
     good = np.asarray(positives, np.float64).reshape(-1, 3)
     bad = np.asarray(negatives, np.float64).reshape(-1, 3)
@@ -190,7 +209,7 @@ def learn_judge(positives: Sequence[Evidence], negatives: Sequence[Evidence]) ->
     weights = _separating_weights(good, bad)
     poorest, typical = (float(q) for q in np.quantile(good @ weights, (0.05, 0.5)))
     against = float(np.quantile(bad @ weights, 0.9995))
-    threshold = against + max(_MARGIN * (poorest - against), _LEAST_MARGIN * (typical - against), 0.0)
+    threshold = against + max(_MARGIN * (poorest - against), least_margin * (typical - against), 0.0)
     slope = np.log(_TYPICAL_SCORE / (1 - _TYPICAL_SCORE)) / max(typical - threshold, 0.02)
     first, second, third = (float(slope * weight) for weight in weights)
     return Judge((first, second, third), float(-slope * threshold))

@@ -82,7 +82,7 @@ def drive(
     run = SimRun(
         load_scene(scene),
         seed,
-        target.recognizer,
+        target.finder,
         options=SimOptions(slow, tuple(faults)),
         observers=[Recorder(EventLog(stream)), notes],
         height_m=target.height_m,

@@ -59,7 +59,7 @@ def watch(run: SimRun, begin: float, until: float) -> Watched:
 def start(tmp_path: Path, box: Model) -> Callable[..., SimRun]:
     def begin(*faults: InjectedFault) -> SimRun:
         scene = load_scene(scene_file(tmp_path, "plain", REST))
-        return SimRun(scene, 1, box.recognizer, options=SimOptions(faults=faults), height_m=box.height_m)
+        return SimRun(scene, 1, box.finder, options=SimOptions(faults=faults), height_m=box.height_m)
 
     return begin
 

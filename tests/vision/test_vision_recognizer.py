@@ -11,9 +11,10 @@ from robot.messages import Box, Image
 from robot.vision.colour import LAYOUT_LENGTH, ColourSums, layout_similarity
 from robot.vision.nmf_objectives import EUCLIDEAN
 from robot.vision.prepared_view import FlatViewError
-from robot.vision.recognizer import Evidence, Judge, Recognizer
+from robot.vision.recognizer import Recognizer
 from robot.vision.recognizer_training import in_other_light, learn_judge, look_alike, shape_groups
 from robot.vision.textures import texture
+from robot.vision.view_matching import Evidence, Judge
 from robot.vision.viewspace import ViewSpace, window_size
 from robot.vision.windows import crop, grey_of, local_mean_std, suppress_overlaps, windows_near
 

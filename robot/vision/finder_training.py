@@ -1,0 +1,234 @@
+"""How a target finder learns: ferns and NMF views of the target, two judges from evidence kept apart.
+
+Views and pictures without the target are split in three; each third is judged by ferns and views taught with
+the other two. So a judge meets the target as it will be met later: sides not seen before, before backgrounds
+not seen before, whole and half hidden, against what the ferns take for it elsewhere, and whole against
+look-alikes. Halves are not: half of a print with other colours or turned upside down often is the target's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot.messages import Box, Image
+from robot.vision.ferns import FernDetector, FernSettings, Sample
+from robot.vision.half_views import best_half
+from robot.vision.recognizer import HEIGHTS_PX
+from robot.vision.recognizer_training import (
+    FOLDS,
+    background,
+    evidence_in_scene,
+    large_enough,
+    learn_judge,
+    look_alike,
+    scene_with,
+    unjudged,
+)
+from robot.vision.target_finder import TargetFinder
+from robot.vision.view_matching import Evidence, Judge, Picture
+
+Mask = NDArray[np.bool_]
+
+FERNS = FernSettings(reference_px=32)
+"""Targets are looked for from 18 px on: ferns of a larger reference would look at enlarged pictures."""
+UNJUDGED = Judge((1.0, 1.0, 1.0), 0.0)
+HALF_MARGIN = 0.4
+"""Of the way from the worst negatives to the median half: there are more halves than wholes to go wrong."""
+SCENES = 2
+"""Made of each view that was held out, whole and half hidden."""
+MOST_VALIDATED = 12
+"""Views of each third with which recall is told, about."""
+SCENE_SIZE = 352, 288
+FOUND_IOU = 0.5
+
+HalfEvidence = tuple[float, float, float]
+"""Correlation and colour agreement of the best half, votes of the ferns."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class View:
+    """A BGR uint8 picture and the target's box in it.
+
+    mask: which pixels (H, W) are its own; None: all in the box.
+    """
+
+    image: Image
+    box: Box
+    mask: Mask | None = None
+
+    @property
+    def crop(self) -> Image:
+        """What is in the box, at whole pixels."""
+        inside = self.box.clipped(self.image.shape[1], self.image.shape[0])
+        x0, y0 = int(np.floor(inside.x + 0.5)), int(np.floor(inside.y + 0.5))
+        x1, y1 = int(np.floor(inside.x + inside.w + 0.5)), int(np.floor(inside.y + inside.h + 0.5))
+        return self.image[y0 : max(y1, y0 + 1), x0 : max(x1, x0 + 1)]
+
+
+@dataclass(frozen=True, slots=True)
+class Validation:
+    """What finders found of what they had not met: shares of views, whole and with one half hidden, put into
+    pictures of other places; false alarms for each picture without the target."""
+
+    recall: float
+    half_recall: float
+    false_alarms: float
+    scenes: int
+    pictures: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Taught:
+    """A target learnt, and how well by cross-validation."""
+
+    finder: TargetFinder
+    validation: Validation
+
+
+@dataclass(slots=True)
+class Evidences:
+    """What speaks for places where the target is, and for places where it is not."""
+
+    whole: list[Evidence] = field(default_factory=list)
+    half: list[HalfEvidence] = field(default_factory=list)
+    against_whole: list[Evidence] = field(default_factory=list)
+    against_half: list[HalfEvidence] = field(default_factory=list)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fold:
+    """A finder without judges, and what it has never met: views, pictures without the target."""
+
+    finder: TargetFinder
+    views: tuple[View, ...]
+    negatives: tuple[Image, ...]
+
+
+def fit(views: Sequence[View], negatives: Sequence[Image], label: str, seed: int) -> Taught:
+    """Learn a target from its views, with everything random drawn from `seed`.
+
+    views: at least 4. negatives: BGR uint8 pictures without the target (64 px or more along each edge;
+    smaller ones are ignored), at least one. Raises ValueError for too few of either, FlatViewError for a view
+    without contrast.
+    """
+    usable = large_enough(negatives)
+    if not usable:
+        raise ValueError("needs a picture of at least 64 x 64 px without the target")
+    rng = np.random.default_rng(seed)
+    folded = list(folds(views, usable, label, seed))
+    evidences = [evidences_of(fold, rng) for fold in folded]
+    finder = _taught(views, usable, label, seed)
+    scanned = [place.evidence for picture in usable for place in finder.recognizer.candidates(picture)]
+    return Taught(judged(finder, evidences, scanned), validated(folded, evidences, scanned, rng))
+
+
+def folds(views: Sequence[View], negatives: Sequence[Image], label: str, seed: int) -> Iterator[Fold]:
+    """Three finders without judges, each taught without a third of the views and of the negatives.
+
+    Thirds are drawn at random: views often come in turns, and every third might be of one side.
+    """
+    rng = np.random.default_rng([seed, 3])
+    mixed = [views[int(i)] for i in rng.permutation(len(views))]
+    others = [negatives[int(i)] for i in rng.permutation(len(negatives))]
+    for fold in range(FOLDS):
+        known = [view for i, view in enumerate(mixed) if i % FOLDS != fold]
+        without = [picture for i, picture in enumerate(others) if i % FOLDS != fold] or others
+        finder = _taught(known, without, label, seed)
+        yield Fold(finder, tuple(mixed[fold::FOLDS]), tuple(others[fold::FOLDS] or others))
+
+
+def _taught(views: Sequence[View], negatives: Sequence[Image], label: str, seed: int) -> TargetFinder:
+    recognizer = unjudged([view.crop for view in views], label, seed)
+    samples = [Sample(view.image, view.box, label, view.mask) for view in views]
+    return TargetFinder(recognizer, FernDetector.fit(samples, negatives, settings=FERNS, seed=seed), UNJUDGED)
+
+
+def judged(finder: TargetFinder, evidences: Sequence[Evidences], scanned: Sequence[Evidence]) -> TargetFinder:
+    """The finder with judges learnt from these; scanned: of places that NMF alone proposes wrongly."""
+    whole = learn_judge(
+        [one for part in evidences for one in part.whole],
+        [*scanned, *(one for part in evidences for one in part.against_whole)],
+    )
+    half = learn_judge(
+        [one for part in evidences for one in part.half],
+        [one for part in evidences for one in part.against_half],
+        HALF_MARGIN,
+    )
+    return replace(finder, recognizer=replace(finder.recognizer, judge=whole), half_judge=half)
+
+
+def validated(
+    folded: Sequence[Fold],
+    evidences: Sequence[Evidences],
+    scanned: Sequence[Evidence],
+    rng: np.random.Generator,
+) -> Validation:
+    """Three-fold cross-validation: no finder, and no judge, has met what it is asked here."""
+    whole, half, false, pictures = [], [], 0, 0
+    for index, fold in enumerate(folded):
+        finder = judged(fold.finder, [e for i, e in enumerate(evidences) if i != index], scanned)
+        for view in fold.views[:: max(1, len(fold.views) // MOST_VALIDATED)]:
+            image, box = _scene(view.crop, fold.negatives, rng)
+            whole.append(_found(finder, image, box))
+            half.append(_found(finder, half_hidden(image, box, fold.negatives, rng), box))
+        for image in fold.negatives:
+            false += len(finder.predict(image))
+            pictures += 1
+    return Validation(float(np.mean(whole)), float(np.mean(half)), false / pictures, len(whole), pictures)
+
+
+def _scene(crop: Image, backgrounds: Sequence[Image], rng: np.random.Generator) -> tuple[Image, Box]:
+    """A view in other light somewhere in a picture as large as the robot's."""
+    part, box = scene_with(crop, backgrounds, rng)
+    image = background(backgrounds, *SCENE_SIZE, rng)
+    height, width = part.shape[:2]
+    if width >= SCENE_SIZE[0] or height >= SCENE_SIZE[1]:
+        return part, box
+    x, y = int(rng.integers(SCENE_SIZE[0] - width)), int(rng.integers(SCENE_SIZE[1] - height))
+    image[y : y + height, x : x + width] = part
+    return image, Box(box.x + x, box.y + y, box.w, box.h)
+
+
+def _found(finder: TargetFinder, image: Image, box: Box) -> bool:
+    return any(one.box.iou(box) > FOUND_IOU for one in finder.predict(image))
+
+
+def evidences_of(fold: Fold, rng: np.random.Generator) -> Evidences:
+    """What a fold's finder sees in what it never met."""
+    found, finder = Evidences(), fold.finder
+    for view in fold.views:
+        crop = view.crop
+        for _ in range(SCENES):
+            found.whole.append(evidence_in_scene(finder.recognizer, crop, fold.negatives, rng))
+            scene, box = scene_with(crop, fold.negatives, rng)
+            found.half.append(_half_evidence(finder, half_hidden(scene, box, fold.negatives, rng), box))
+        found.against_whole.append(
+            evidence_in_scene(finder.recognizer, look_alike(crop, rng), fold.negatives, rng)
+        )
+    for image in fold.negatives:
+        picture = Picture.of(image)
+        for one in finder.proposals(image, HEIGHTS_PX):
+            found.against_whole.append(finder.recognizer.locate(image, one.box).evidence)
+            half = best_half(picture, one.box, finder.recognizer.groups)
+            found.against_half.append((half.correlation, half.colour, one.score))
+    return found
+
+
+def _half_evidence(finder: TargetFinder, image: Image, box: Box) -> HalfEvidence:
+    half = best_half(Picture.of(image), box, finder.recognizer.groups)
+    return half.correlation, half.colour, finder.votes(image, box)
+
+
+def half_hidden(image: Image, box: Box, hiders: Sequence[Image], rng: np.random.Generator) -> Image:
+    """The picture with one half of the box (upper, lower, left or right) covered by part of a hider."""
+    x0, y0, x1, y1 = int(box.x), int(box.y), int(np.ceil(box.x + box.w)), int(np.ceil(box.y + box.h))
+    middle = (x0 + x1) // 2, (y0 + y1) // 2
+    parts = (x0, y0, x1, middle[1]), (x0, middle[1], x1, y1), (x0, y0, middle[0], y1), (middle[0], y0, x1, y1)
+    left, top, right, bottom = parts[int(rng.integers(len(parts)))]
+    covered = image.copy()
+    covered[top:bottom, left:right] = background(hiders, right - left, bottom - top, rng)
+    return covered

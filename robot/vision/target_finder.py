@@ -1,0 +1,120 @@
+"""Finding one taught target: ferns propose places, NMF views confirm them, whole or by a half.
+
+Ferns vote with every small part that shows, so they point at a target of which half is hidden; what they
+point at is held against the taught views (`Recognizer`), and where a whole view does not fit, half of one
+(`robot.vision.half_views`). `robot.vision.finder_training` fits it. Methods 1 and 8 in one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot.messages import Box, Detection, Image
+from robot.vision.ferns import FernDetector, HoughDetection
+from robot.vision.half_views import best_half
+from robot.vision.recognizer import HEIGHTS_PX, Recognizer
+from robot.vision.view_matching import Judge, Picture, below, one_for_each_place
+
+PROPOSALS = 8
+"""Places the ferns may propose in a picture."""
+LEAST_VOTES = 0.1
+"""Score of the ferns below which a place is not looked at."""
+HALVES_ASKED = 4
+"""Places, those with most votes, at which halves are asked where no whole view fits."""
+SAME_PLACE = 0.4
+"""Overlap from which votes are for what is in a box."""
+ABOUT = 0.75
+"""Of a box's longer edge: how far around it votes are counted when a single place is judged."""
+NEAR_SCALES = (2.0**-0.25, 1.0, 2.0**0.25)
+"""Sizes over the box's at which they are counted."""
+SURE = 0.5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TargetFinder:
+    """Finds one taught target in pictures. Make it with `finder_training.fit` or `from_arrays`.
+
+    half_judge: makes a score of a half's correlation, its colour agreement and the ferns' votes.
+    """
+
+    recognizer: Recognizer
+    ferns: FernDetector
+    half_judge: Judge
+
+    @property
+    def label(self) -> str:
+        """What the target is called."""
+        return self.recognizer.label
+
+    def predict(self, image: Image, heights_px: Sequence[float] | None = None) -> list[Detection]:
+        """All places where the target seems to be, best first, at most one for each place.
+
+        image: BGR uint8 (H, W, 3). heights_px: heights of target to look for, in pixels; None searches
+        18 to 170 px. Scores lie between 0.5 (the threshold learnt on negatives) and 1.
+        """
+        picture = Picture.of(image)
+        judged, asked = [], 0
+        for one in self.proposals(image, HEIGHTS_PX if heights_px is None else heights_px):
+            found = self.recognizer.judged(picture, one.box)
+            if found.score < SURE and asked < HALVES_ASKED:
+                found = self._by_half(picture, one.box, one.score)
+                asked += 1
+            judged.append(found)
+        return one_for_each_place([one for one in judged if one.score >= SURE])
+
+    def score(self, image: Image, box: Box) -> float:
+        """How surely the target is at (or a little beside) a box, 0..1; 0.5 is the threshold."""
+        return self.refine(image, box).score
+
+    def refine(self, image: Image, box: Box) -> Detection:
+        """The best place at or near a box, with its score (which may be below 0.5)."""
+        whole = self.recognizer.refine(image, box)
+        if whole.score >= SURE:
+            return whole
+        half = self._by_half(Picture.of(image), box, self.votes(image, box))
+        return max(whole, half, key=lambda one: one.score)
+
+    def proposals(self, image: Image, heights_px: Sequence[float]) -> list[HoughDetection]:
+        """Places the ferns vote for, most votes first; at most `PROPOSALS`."""
+        extent = self.ferns.classes[self.label].extent[1]
+        scales = [height / extent for height in sorted(heights_px)]
+        return self.ferns.predict(image, scales, least_score=LEAST_VOTES, most=PROPOSALS)
+
+    def votes(self, image: Image, box: Box) -> float:
+        """Score of the ferns for what is in a box, 0 if they vote for nothing there."""
+        reach = ABOUT * max(box.w, box.h)
+        around = Box(box.x - reach, box.y - reach, box.w + 2 * reach, box.h + 2 * reach)
+        inside = around.clipped(image.shape[1], image.shape[0])
+        x, y = int(inside.x), int(inside.y)
+        part = np.ascontiguousarray(image[y : int(inside.y + inside.h), x : int(inside.x + inside.w)])
+        if min(part.shape[:2]) < 8:
+            return 0.0
+        size = box.h / self.ferns.classes[self.label].extent[1]
+        found = self.ferns.predict(part, [size * step for step in NEAR_SCALES], least_score=LEAST_VOTES)
+        moved = Box(box.x - x, box.y - y, box.w, box.h)
+        return max((one.score for one in found if one.box.iou(moved) >= SAME_PLACE), default=0.0)
+
+    def _by_half(self, picture: Picture, box: Box, votes: float) -> Detection:
+        half = best_half(picture, box, self.recognizer.groups)
+        score = self.half_judge.score((half.correlation, half.colour, votes))
+        return Detection(half.box, score, self.label)
+
+    def arrays(self) -> dict[str, NDArray[np.generic]]:
+        """Everything learnt as plain arrays, keyed 'half_judge', 'nmf.…', 'ferns.…'."""
+        arrays: dict[str, NDArray[np.generic]] = {"half_judge": self.half_judge.values()}
+        arrays |= {f"nmf.{key}": value for key, value in self.recognizer.arrays().items()}
+        arrays |= {f"ferns.{key}": value for key, value in self.ferns.arrays().items()}
+        return arrays
+
+    @classmethod
+    def from_arrays(cls, label: str, arrays: Mapping[str, NDArray[np.generic]]) -> TargetFinder:
+        """The inverse of `arrays`. Raises KeyError or ValueError where they do not fit together."""
+        return cls(
+            Recognizer.from_arrays(label, below("nmf.", arrays)),
+            FernDetector.from_arrays([label], below("ferns.", arrays)),
+            Judge.of_values(arrays["half_judge"]),
+        )
