@@ -192,6 +192,9 @@ class Vision(Struct, frozen=True, forbid_unknown_fields=True):
     motion: Annotated[Stage, _doc("the base's own motion by the eyes, held against its wheels")] = field(
         default_factory=lambda: Stage(rate_hz=8.0, cost_s=0.006)
     )
+    review: Annotated[Stage, _doc("while following: is something more like the target in view")] = field(
+        default_factory=lambda: Stage(rate_hz=1.0, cost_s=0.025)
+    )
     recognize: Annotated[Stage, _doc("looking for the target in the whole picture")] = field(
         default_factory=lambda: Stage(rate_hz=5.0, cost_s=0.07)
     )

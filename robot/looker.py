@@ -27,6 +27,10 @@ class Recognizes(Protocol):
         """All places in the picture that look like the target, best first."""
         ...
 
+    def glance(self, image: Image, heights_px: Sequence[float]) -> list[Detection]:
+        """Places that surely look like the target at one of a few sizes, best first; quick."""
+        ...
+
     def refine(self, image: Image, box: Box) -> Detection:
         """The best place at or near a box, with its score."""
         ...

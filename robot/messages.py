@@ -335,6 +335,7 @@ class Percepts:
 
     place is where the target was last seen, (x, y) in the odometry frame; it outlives a lost track.
     motion stays None, or old, where there is too little to be seen to say anything.
+    better is what, while something was followed, looked more like the target than that.
     """
 
     health: Timed[Health] | None = None
@@ -344,6 +345,7 @@ class Percepts:
     place: Timed[tuple[float, float]] | None = None
     free_space: Timed[FreeSpace] | None = None
     motion: Timed[EgoMotion] | None = None
+    better: Timed[Detection] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -364,6 +366,7 @@ class Want(Enum):
 
     RECOGNIZE = "recognize"
     TRACK = "track"
+    REVIEW = "review"
 
 
 class Lamp(Enum):

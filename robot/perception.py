@@ -7,7 +7,7 @@ The obstacle map is kept here because every look at the floor changes it.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,6 +32,7 @@ from robot.messages import (
     wrap,
 )
 from robot.nav.grid import ObstacleMap
+from robot.reviewer import Reviewer
 from robot.target import TargetFollower, TargetSight
 from robot.target_range import TargetRanger
 from robot.vision import health, misrectified
@@ -44,7 +45,7 @@ from robot.vision.stereo import AdaptiveWeightMatcher
 from robot.vision_schedule import Budget, VisionSchedule
 from robot.workers import Job, Result, Worker
 
-STAGES = ("track", "free_space", "motion", "health", "recognize")
+STAGES = ("track", "free_space", "motion", "health", "review", "recognize")
 ALWAYS = ("free_space", "motion", "health")
 CLEARANCE_RANGE = 1.5  # metres the guard looks ahead: farther than any stopping distance
 GRAZE_MARGIN = 0.02  # metres kept beside the body, a map cell's half
@@ -52,6 +53,13 @@ FLOOR_MEMORY = 30.0  # seconds for which floor seen free stays known
 HANDS_WIDTH = 0.2  # metres about the robot that must be free where it is put down; its eyes cannot see there
 FRESH_BOX = 0.3  # seconds for which a track's box still says where the target is
 SEED_LIFE = 1.0  # seconds for which a detection may start a track
+
+
+@dataclass(frozen=True, slots=True)
+class Rival:
+    """What a review found: something more like the target than what is followed."""
+
+    detection: Detection
 
 
 class Perception:
@@ -83,6 +91,7 @@ class Perception:
         ranger = TargetRanger(rig, mount, height_m)
         self._looker = Looker(rig, recognizer, ranger)
         self._follower = TargetFollower(rig, recognizer, ranger)
+        self._reviewer = Reviewer(rig, recognizer, ranger)
         self._motion = EgoMotionEstimator(rig, mount)
         self._displacement = Displacement()
         self._long_look: Timed[EgoMotion] | None = None
@@ -127,7 +136,7 @@ class Perception:
         """Drop the track: after teleop or a fault it is stale. The place stays, as a hint for the search."""
         self._drop_track()
         self._seed = None
-        self._percepts = replace(self._percepts, detections=None)
+        self._percepts = replace(self._percepts, detections=None, better=None)
 
     def forget_place(self) -> None:
         """Begin the map anew where the base stands: nobody knows any more how it got there.
@@ -196,6 +205,7 @@ class Perception:
             "free_space": self._free_space,
             "motion": self._moved,
             "health": self._health,
+            "review": self._review,
             "recognize": self._recognize,
         }
         return stages[name]
@@ -219,6 +229,12 @@ class Perception:
     def _health(self, view: View) -> PairCheck:
         return check_pair(view.frame.left, view.frame.right, self._rig)
 
+    def _review(self, view: View) -> Rival | None:
+        if not self._follower.following or self._follower.box is None:
+            return None
+        better = self._reviewer.review(view, self._follower.box)
+        return Rival(better) if better is not None else None
+
     def _recognize(self, view: View) -> tuple[Detection, ...]:
         return self._looker.look(view)
 
@@ -239,6 +255,10 @@ class Perception:
                 self._long_look = Timed(long, at) if long is not None else self._long_look
             case PairCheck() as check:
                 self._take_check(check, result.view)
+            case Rival(detection=rival):
+                self._percepts = replace(
+                    self._percepts, better=Timed(rival, at), detections=Timed((rival,), at)
+                )
             case tuple() as detections:
                 self._percepts = replace(self._percepts, detections=Timed(detections, at))
                 if detections:

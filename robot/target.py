@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from calib.model import StereoRig
 from robot.looker import Recognizes
-from robot.messages import Detection, Range, Track, View, wrap
+from robot.messages import Box, Detection, Range, Track, View, wrap
 from robot.target_range import TargetRanger
 from robot.vision.tracker import OnlineTracker
 
@@ -39,6 +39,11 @@ class TargetFollower:
         return self._tracker is not None
 
     @property
+    def box(self) -> Box | None:
+        """Where the target was in the last view; None before the first or while it is lost."""
+        return self._box if self.following else None
+
+    @property
     def following(self) -> bool:
         """True if the target was still held in the last view."""
         return self._tracker is not None and not self._lost
@@ -48,6 +53,7 @@ class TargetFollower:
         self._tracker = OnlineTracker()
         self._tracker.start(view.frame.left, detection.box)
         self._lost = False
+        self._box: Box | None = detection.box
         self._last_view = view
         self._confirmed_at = view.frame.captured_at
         self._doubts = 0
@@ -68,7 +74,7 @@ class TargetFollower:
         track = self._confirm(view, track)
         if track.lost:
             track = self._found_again(view, track)
-        self._lost = track.lost
+        self._lost, self._box = track.lost, track.box
         if track.lost:
             return TargetSight(track, None)
         measured = self._ranger.measure(view, track.box)

@@ -26,7 +26,7 @@ FEWEST_VIEWS = 8
 _BACKGROUNDS = 48
 _TEXTURES = 12
 # Below these shares, and above this many false alarms a picture, the model deserves a warning.
-_LOW_RECALL, _LOW_HALF_RECALL, _MANY_FALSE = 0.8, 0.25, 0.1
+_LOW_RECALL, _LOW_HALF_RECALL, _MANY_FALSE = 0.5, 0.1, 0.1
 _BLURRED_SHARE = 0.3
 
 

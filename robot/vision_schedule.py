@@ -13,7 +13,7 @@ from robot.config import Stage
 from robot.governor import StagePlan, governed_rates
 
 BATCH_BUDGET = 0.039  # a batch takes no longer than one control tick, or the next frame's track comes late
-LOWEST_SHARE = {"track": 0.2, "recognize": 0.2}  # what the governor leaves of each rate
+LOWEST_SHARE = {"track": 0.2, "recognize": 0.2, "review": 0.2}  # what the governor leaves of each rate
 DUE = 0.9  # share of its period after which a stage is due: a tick is too coarse to wait for all of it
 
 

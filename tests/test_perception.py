@@ -44,6 +44,7 @@ WALL = texture((352 + DISPARITY_PX, 288), np.random.default_rng(3))
 NONE: frozenset[Want] = frozenset()
 SEARCHING = frozenset({Want.RECOGNIZE})
 TRACKING = frozenset({Want.TRACK})
+REVIEWING = frozenset({Want.TRACK, Want.REVIEW})
 BOTH = SEARCHING | TRACKING
 CONFIGURED = {name: getattr(CONFIG.vision, name) for name in STAGES}
 
@@ -63,17 +64,21 @@ class Recogniser:
     def __init__(self) -> None:
         self.places: list[Box] = []
         self.error: Exception | None = None
+        self.followed = 0.9
 
     def predict(self, image: Image, heights_px: Sequence[float] | None = None) -> list[Detection]:
         if self.error is not None:
             raise self.error
         return [self.refine(image, place) for place in self.places]
 
+    def glance(self, image: Image, heights_px: Sequence[float]) -> list[Detection]:
+        return self.predict(image)
+
     def refine(self, image: Image, box: Box) -> Detection:
         return Detection(box, 0.9 if box in self.places else 0.1, "box")
 
     def score(self, image: Image, box: Box) -> float:
-        return 0.9
+        return self.followed
 
 
 class HandWorker:
@@ -206,7 +211,7 @@ def test_what_had_no_place_in_a_batch_comes_with_the_next_frame() -> None:
     for tick in (1, 2, 3):
         bench.perception.submit(view(tick * TICK), BOTH, tick * TICK)
     started = [{job.stage for job in batch} for batch in bench.worker.batches]
-    assert set.union(*started) == set(STAGES)
+    assert set.union(*started) == set(STAGES) - {"review"}, "nobody asked for a review"
 
 
 def test_a_busy_worker_is_given_nothing() -> None:
@@ -250,7 +255,7 @@ def test_rates_recover_with_the_costs() -> None:
     bench.drive(10.0, BOTH, COSTS, begin=6.0)
     assert bench.perception.faults(16.0) == ()
     rates = bench.perception.budget(BOTH).rates_hz
-    assert rates == {name: stage.rate_hz for name, stage in CONFIGURED.items()}
+    assert rates == {name: stage.rate_hz for name, stage in CONFIGURED.items() if name != "review"}
 
 
 def test_one_slow_run_lowers_nothing_for_good() -> None:
@@ -260,6 +265,33 @@ def test_one_slow_run_lowers_nothing_for_good() -> None:
     bench.perception.collect(2.0)
     bench.drive(3.0, TRACKING, COSTS, begin=2.0)
     assert bench.perception.faults(5.0) == ()
+
+
+# --------------------------------------------------------------------------------------------- review
+
+
+def test_a_better_match_elsewhere_is_told_while_something_is_followed() -> None:
+    bench = Bench()
+    bench.recogniser.places = [BOX]
+    bench.do("recognize", view(0.04), SEARCHING)
+    bench.do("track", view(0.08), REVIEWING)
+    bench.recogniser.places, bench.recogniser.followed = [Box(260.0, 100.0, 60.0, 70.0)], 0.5
+    for at in (1.2, 2.4):
+        assert bench.perception.collect(at).better is None, "once is not enough"
+        bench.do("track", view(at - 0.08), REVIEWING)
+        bench.do("review", view(at), REVIEWING)
+    better = bench.perception.collect(2.4).better
+    assert better is not None
+    assert (better.at, better.value.box.x) == (2.4, 260.0)
+    bench.perception.forget_target()
+    assert bench.perception.collect(2.5).better is None
+
+
+def test_nothing_is_reviewed_while_nothing_is_followed() -> None:
+    bench = Bench()
+    bench.recogniser.places = [BOX]
+    bench.do("review", view(0.04), REVIEWING)
+    assert bench.perception.collect(0.04).better is None
 
 
 # ---------------------------------------------------------------------------------------- bad pictures

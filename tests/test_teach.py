@@ -92,10 +92,10 @@ def test_the_lesson_says_how_well_by_views_it_did_not_learn_from(lesson) -> None
 
 
 def test_a_poor_cross_validation_is_warned_about() -> None:
-    good, poor = Validation(0.95, 0.5, 0.0, 30, 60), Validation(0.6, 0.1, 0.5, 30, 60)
+    good, poor = Validation(0.95, 0.5, 0.0, 30, 60), Validation(0.4, 0.05, 0.5, 30, 60)
     assert warnings_of(good) == []
     first, second, third = warnings_of(poor)
-    assert "only 60% of the views" in first
+    assert "only 40% of the views" in first
     assert "half hidden" in second
     assert "0.50 false alarms a picture" in third
 

@@ -26,13 +26,13 @@ class Track:
 
     def enter(self, situation: Situation) -> None:
         """Nothing was lost, blocked or stuck yet."""
-        self._good_at = situation.now
+        self._entered = self._good_at = situation.now
         self._look = situation.head
         self._free_at = situation.now
         self._moved_at = situation.now
 
     def step(self, situation: Situation) -> tuple[Intent, Event | None]:
-        """Follow; say so when the target is lost or the way is blocked."""
+        """Follow; say so when the target is lost, the way is blocked, or something is more like it."""
         now = situation.now
         target = self._good_target(situation)
         if target is None:
@@ -48,8 +48,15 @@ class Track:
         x, y = self._place_now(situation, target)
         self._look = self._follow_with_head(x, y, target.value.position[2])
         motion = Approach(target.value.distance, math.atan2(y, x), self._behaviour.stand_off)
-        intent = Intent(look=self._look, motion=motion, wants=frozenset({Want.TRACK}))
-        return intent, self._blocked(situation, target.value)
+        intent = Intent(look=self._look, motion=motion, wants=frozenset({Want.TRACK, Want.REVIEW}))
+        return intent, self._better(situation) or self._blocked(situation, target.value)
+
+    def _better(self, situation: Situation) -> Event | None:
+        better = situation.percepts.better
+        if better is None or better.at <= self._entered:
+            return None
+        evidence = {"score": better.value.score, "azimuth": better.value.azimuth}
+        return Event("candidate_seen", "something looks more like the target", evidence)
 
     def _look_for(self, situation: Situation) -> HeadPose:
         place = situation.percepts.place

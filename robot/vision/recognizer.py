@@ -89,6 +89,10 @@ class Recognizer:
         judged = [Detection(place.box, self.judge.score(place.evidence), self.label) for place in places]
         return one_for_each_place([detection for detection in judged if detection.score >= 0.5])
 
+    def glance(self, image: Image, heights_px: Sequence[float]) -> list[Detection]:
+        """Like `predict`, for a few heights."""
+        return self.predict(image, heights_px)
+
     def score(self, image: Image, box: Box) -> float:
         """How surely the target is at (or a little beside) a box, 0..1; 0.5 is the threshold.
 

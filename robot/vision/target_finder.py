@@ -25,6 +25,8 @@ LEAST_VOTES = 0.1
 """Score of the ferns below which a place is not looked at."""
 HALVES_ASKED = 4
 """Places, those with most votes, at which halves are asked where no whole view fits."""
+GLANCED = 3
+"""Places looked at in a glance."""
 SAME_PLACE = 0.4
 """Overlap from which votes are for what is in a box."""
 ABOUT = 0.75
@@ -64,6 +66,13 @@ class TargetFinder:
                 found = self._by_half(picture, one.box, one.score)
                 asked += 1
             judged.append(found)
+        return one_for_each_place([one for one in judged if one.score >= SURE])
+
+    def glance(self, image: Image, heights_px: Sequence[float]) -> list[Detection]:
+        """Places where the whole target surely seems to be, best first: the likeliest few, no halves."""
+        picture = Picture.of(image)
+        few = self.proposals(image, heights_px)[:GLANCED]
+        judged = [self.recognizer.judged(picture, one.box) for one in few]
         return one_for_each_place([one for one in judged if one.score >= SURE])
 
     def score(self, image: Image, box: Box) -> float:

@@ -258,6 +258,16 @@ class TestTrack:
         assert Want.RECOGNIZE in state.step(situation(1.5, **lost))[0].wants
         assert state.step(situation(3.0, **lost))[1].name == "target_lost"
 
+    def test_something_more_like_the_target_is_looked_at(self):
+        seen = target_at(2.0, 0.0, 0.1)
+        rival = Detection(Box(10, 10, 30, 40), 0.9, "box", 0.4)
+        state = self.state()
+        intent, event = state.step(situation(0.2, better=Timed(rival, -0.5), **seen))
+        assert event is None, "told before this state began"
+        assert Want.REVIEW in intent.wants
+        _, event = state.step(situation(0.2, better=Timed(rival, 0.15), **seen))
+        assert (event.name, event.evidence["azimuth"]) == ("candidate_seen", 0.4)
+
     def test_an_old_range_is_as_good_as_none(self):
         intent, _ = self.state().step(situation(1.0, **target_at(2.0, 0.0, 0.1)))
         assert intent.motion == Hold()
