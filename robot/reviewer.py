@@ -1,7 +1,7 @@
 """While the target is followed: is there something in the picture that looks more like it?
 
 A tracker holds on to what it was started with, be it wrong, or a look-alike it slid onto. So the picture
-is gone through now and then, a third of the sizes at a time; what is more like the target than what is
+is gone through now and then, a quarter of the sizes at a time; what is more like the target than what is
 followed, twice in the same direction, is told.
 """
 
@@ -17,7 +17,7 @@ from robot.looker import SIZES, SMALLEST_PX, STEP
 from robot.messages import Box, Detection, Image, View, wrap
 from robot.target_range import TargetRanger
 
-PARTS = 3
+PARTS = 4
 """Reviews that together go through all sizes."""
 BETTER = 0.2
 """By which something must score higher than what is followed."""

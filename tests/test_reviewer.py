@@ -60,7 +60,7 @@ def test_all_sizes_are_gone_through_and_a_rivals_are_looked_at_again() -> None:
     nothing, something = Scripted(), Scripted(rival())
     for model in (nothing, something):
         eye = reviewer(model)
-        for second in range(3):
+        for second in range(4):
             eye.review(view(float(second)), FOLLOWED)
     assert len(set(sum(nothing.heights, ()))) == 11
     assert something.heights[0] == something.heights[1]

@@ -25,7 +25,7 @@ LEAST_VOTES = 0.1
 """Score of the ferns below which a place is not looked at."""
 HALVES_ASKED = 4
 """Places, those with most votes, at which halves are asked where no whole view fits."""
-GLANCED = 3
+GLANCED = 2
 """Places looked at in a glance."""
 SAME_PLACE = 0.4
 """Overlap from which votes are for what is in a box."""
