@@ -133,17 +133,30 @@ def teleop(port: str, baud: int, gamepad: bool) -> int:
 
 @commands.command()
 @click.option(
-    "--from", "source", required=True, help="Folder of pictures, video file, or a simulated teaching scene."
+    "--from",
+    "source",
+    required=True,
+    help="Folder of pictures, video file, 'cameras' (the robot's own), or a simulated teaching scene.",
 )
 @click.option("--name", required=True, help="What the target is called.")
 @click.option("--box", help="The object in a video's first frame: x,y,w,h in pixels.")
 @click.option("--out", type=PATH, help="Model file to write  [default: models/NAME.model]")
 @click.option("--seed", default=0, show_default=True, help="Seed of the factorisation's random start.")
-def teach(source: str, name: str, box: str | None, out: Path | None, seed: int) -> int:
+@click.option("--config", "eyes", type=PATH, help="Config of the robot whose cameras are used.")
+@click.option(
+    "--seconds",
+    default=60.0,
+    show_default=True,
+    type=click.FloatRange(5, 600),
+    help="With cameras: how long the object is looked at.",
+)
+def teach(
+    source: str, name: str, box: str | None, out: Path | None, seed: int, eyes: Path | None, seconds: float
+) -> int:
     """Teach the robot a target from pictures of it."""
     from robot import missions
 
-    return missions.teach_target(source, name, box, out, seed)
+    return missions.teach_target(source, name, box, out, seed, eyes, seconds)
 
 
 @commands.command()

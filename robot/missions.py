@@ -29,6 +29,7 @@ from robot.told_faults import ToldFault, split_fault
 
 RUNS = Path("runs")
 DONE, FAILED = 0, 1
+CAMERAS = "cameras"
 TABLE_WIDTH = 160
 GOOD_SHARE = 0.8  # of its seeds a scene must succeed with
 
@@ -224,15 +225,22 @@ def _least(rows: Sequence[dict[str, Any]], key: str) -> str:
     return f"{min(values):.2f}" if values else "-"
 
 
-def teach_target(source: str, name: str, box: str | None, out: Path | None, seed: int) -> int:
-    """Teach a target from a folder, a video or a simulated studio; writes the model and its contact sheet."""
+def teach_target(
+    source: str, name: str, box: str | None, out: Path | None, seed: int, eyes: Path | None, seconds: float
+) -> int:
+    """Teach a target from a folder, a video, the robot's cameras (source 'cameras', config file `eyes`) or a
+    simulated studio; writes the model and its contact sheet."""
     import cv2
 
     console = _console()
     out = out or taught.FOLDER / f"{_file_name(name)}.model"
     _check_writable(out)
     path = Path(source)
-    if path.is_dir() or (path.is_file() and path.suffix != ".toml"):
+    if source == CAMERAS:
+        if eyes is None:
+            raise UserError("--from cameras: say which with --config FILE, the robot's config")
+        lesson = taught.from_eyes(name, eyes, seconds, seed, console)
+    elif path.is_dir() or (path.is_file() and path.suffix != ".toml"):
         lesson = taught.from_pictures(name, path, taught.parse_box(box) if box else None, seed, console)
     else:
         load_scene(source)  # a clear error for what is neither folder, video nor scene

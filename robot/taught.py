@@ -2,18 +2,30 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
 
-from robot import model_file, teach, teach_sources, teach_views
+from calib.rectify import rectifier
+from robot import config, model_file, teach, teach_sources, teach_views
+from robot.clock import Clock, MonotonicClock
 from robot.errors import UserError
+from robot.hal.factory import open_camera
+from robot.hal.interfaces import DeviceError, StereoCamera, WaitsForPictures
+from robot.hal.rectified import RectifiedCamera
 from robot.messages import Box
+from robot.run_hardware import rig_of, stopped_by_signals
+from robot.teach_camera import Sitting, views_from_camera
+from robot.vision.stereo import AdaptiveWeightMatcher
 
 FOLDER = Path("models")
+EYES_DISPARITIES = 96  # searched while teaching: what is held is nearer than what is driven to
+EYES_PAUSE_S = 0.04
 FOCAL_PX = 305.0  # of the simulated eyes the studio's pictures are taken with
 STUDIO_SEED = 0  # studios have their own room, textures and light, which no scored scene uses
 
@@ -49,6 +61,47 @@ def from_pictures(name: str, source: Path, box: Box | None, seed: int, console: 
         f"Learning {name}",
         console,
     )
+
+
+def from_eyes(name: str, config_path: Path, seconds: float, seed: int, console: Console) -> teach.Lesson:
+    """Teach from the robot's own cameras, before which a person holds the object. Ctrl-C ends the sitting.
+
+    Raises UserError for a config or cameras that cannot be used, and for too few views.
+    """
+    settings = config.load(config_path)
+    straight = rectifier(rig_of(settings))
+    clock = MonotonicClock()
+    stop = threading.Event()
+    with stopped_by_signals(stop), closing(opened_eyes(settings, clock)) as eyes:
+
+        def pause() -> bool:
+            waited = isinstance(eyes, WaitsForPictures) and eyes.wait_newer(EYES_PAUSE_S)
+            return not stop.wait(0.0 if waited else EYES_PAUSE_S)
+
+        views = views_from_camera(
+            RectifiedCamera(eyes, straight),
+            straight.rig,
+            AdaptiveWeightMatcher.floors(EYES_DISPARITIES),
+            clock,
+            pause,
+            lambda words: console.print(words, soft_wrap=True, markup=False),
+            Sitting(seconds=seconds),
+        )
+        return _with_progress(
+            lambda tell: teach.teach(
+                views, name, seed, tell, focal_px=straight.rig.left.fx, created_from="the robot's own eyes"
+            ),
+            f"Learning {name}",
+            console,
+        )
+
+
+def opened_eyes(settings: config.Config, clock: Clock) -> StereoCamera:
+    """The cameras alone. Raises UserError."""
+    try:
+        return open_camera(settings.cameras, clock)
+    except DeviceError as error:
+        raise UserError(f"config key cameras: {error}") from error
 
 
 def model_for(target: str, console: Console) -> Path:
