@@ -159,6 +159,7 @@ def _model(name: str, groups: int) -> Model:
                 f"nmf.{group}.{space}.gauge": np.ones((1, 1), np.float32),
             }
         arrays[f"nmf.{group}.layouts"] = np.zeros((1, LAYOUT_LENGTH), np.float32)
+        arrays[f"common.{group}"] = np.zeros((1, 4), np.float32)
     arrays |= {f"ferns.{key}": array for key, array in _ferns().items()}
     return Model(name, TargetFinder.from_arrays(name, arrays), 1, 0.2, "written by the bench", b"\x89PNG")
 

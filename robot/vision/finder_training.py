@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from robot.messages import Box, Image
 from robot.vision.ferns import FernDetector, FernSettings, Sample
-from robot.vision.half_views import best_half
+from robot.vision.half_views import best_half, commonness
 from robot.vision.recognizer import HEIGHTS_PX
 from robot.vision.recognizer_training import (
     FOLDS,
@@ -30,6 +30,7 @@ from robot.vision.recognizer_training import (
 )
 from robot.vision.target_finder import TargetFinder
 from robot.vision.view_matching import Evidence, Judge, Picture
+from robot.vision.windows import Floats
 
 Mask = NDArray[np.bool_]
 
@@ -40,13 +41,15 @@ HALF_MARGIN = 0.4
 """Of the way from the worst negatives to the median half: there are more halves than wholes to go wrong."""
 SCENES = 2
 """Made of each view that was held out, whole and half hidden."""
+COMMON_PICTURES, COMMON_PLACES = 24, 4
+"""Without the target, from which it is learnt how common halves of views are; places of each."""
 MOST_VALIDATED = 12
 """Views of each third with which recall is told, about."""
 SCENE_SIZE = 352, 288
 FOUND_IOU = 0.5
 
 HalfEvidence = tuple[float, float, float]
-"""Correlation and colour agreement of the best half, votes of the ferns."""
+"""Merit and colour agreement of the best half, votes of the ferns."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -144,7 +147,20 @@ def folds(views: Sequence[View], negatives: Sequence[Image], label: str, seed: i
 def _taught(views: Sequence[View], negatives: Sequence[Image], label: str, seed: int) -> TargetFinder:
     recognizer = unjudged([view.crop for view in views], label, seed)
     samples = [Sample(view.image, view.box, label, view.mask) for view in views]
-    return TargetFinder(recognizer, FernDetector.fit(samples, negatives, settings=FERNS, seed=seed), UNJUDGED)
+    ferns = FernDetector.fit(samples, negatives, settings=FERNS, seed=seed)
+    rare = tuple(np.zeros((len(group.layouts), 4), np.float32) for group in recognizer.groups)
+    finder = TargetFinder(recognizer, ferns, rare, UNJUDGED)
+    return replace(finder, common=_common(finder, negatives))
+
+
+def _common(finder: TargetFinder, negatives: Sequence[Image]) -> tuple[Floats, ...]:
+    """How common each half of each view is where the ferns see something in pictures without the target."""
+    chosen = np.linspace(0, len(negatives) - 1, min(COMMON_PICTURES, len(negatives)))
+    places = []
+    for image in (negatives[int(i)] for i in chosen):
+        picture = Picture.of(image)
+        places += [(picture, one.box) for one in finder.proposals(image, HEIGHTS_PX)[:COMMON_PLACES]]
+    return tuple(commonness(places, group) for group in finder.recognizer.groups)
 
 
 def judged(finder: TargetFinder, evidences: Sequence[Evidences], scanned: Sequence[Evidence]) -> TargetFinder:
@@ -213,14 +229,14 @@ def evidences_of(fold: Fold, rng: np.random.Generator) -> Evidences:
         picture = Picture.of(image)
         for one in finder.proposals(image, HEIGHTS_PX):
             found.against_whole.append(finder.recognizer.locate(image, one.box).evidence)
-            half = best_half(picture, one.box, finder.recognizer.groups)
-            found.against_half.append((half.correlation, half.colour, one.score))
+            half = best_half(picture, one.box, finder.halves())
+            found.against_half.append((half.merit, half.colour, one.score))
     return found
 
 
 def _half_evidence(finder: TargetFinder, image: Image, box: Box) -> HalfEvidence:
-    half = best_half(Picture.of(image), box, finder.recognizer.groups)
-    return half.correlation, half.colour, finder.votes(image, box)
+    half = best_half(Picture.of(image), box, finder.halves())
+    return half.merit, half.colour, finder.votes(image, box)
 
 
 def half_hidden(image: Image, box: Box, hiders: Sequence[Image], rng: np.random.Generator) -> Image:

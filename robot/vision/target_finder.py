@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from robot.messages import Box, Detection, Image
 from robot.vision.ferns import FernDetector, HoughDetection
-from robot.vision.half_views import best_half
+from robot.vision.half_views import HalfViews, best_half
 from robot.vision.recognizer import HEIGHTS_PX, Recognizer
 from robot.vision.view_matching import Judge, Picture, below, one_for_each_place
+from robot.vision.windows import Floats
 
 PROPOSALS = 8
 """Places the ferns may propose in a picture."""
@@ -40,11 +41,13 @@ SURE = 0.5
 class TargetFinder:
     """Finds one taught target in pictures. Make it with `finder_training.fit` or `from_arrays`.
 
-    half_judge: makes a score of a half's correlation, its colour agreement and the ferns' votes.
+    common: for each shape of the recognizer, how common each half of each view is (`half_views.HalfViews`).
+    half_judge: makes a score of a half's merit, its colour agreement and the ferns' votes.
     """
 
     recognizer: Recognizer
     ferns: FernDetector
+    common: tuple[Floats, ...]
     half_judge: Judge
 
     @property
@@ -108,13 +111,18 @@ class TargetFinder:
         return max((one.score for one in found if one.box.iou(moved) >= SAME_PLACE), default=0.0)
 
     def _by_half(self, picture: Picture, box: Box, votes: float) -> Detection:
-        half = best_half(picture, box, self.recognizer.groups)
-        score = self.half_judge.score((half.correlation, half.colour, votes))
-        return Detection(half.box, score, self.label)
+        half = best_half(picture, box, self.halves())
+        return Detection(half.box, self.half_judge.score((half.merit, half.colour, votes)), self.label)
+
+    def halves(self) -> list[HalfViews]:
+        """Halves of the views, for each shape."""
+        pairs = zip(self.recognizer.groups, self.common, strict=True)
+        return [HalfViews(group, common) for group, common in pairs]
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
-        """Everything learnt as plain arrays, keyed 'half_judge', 'nmf.…', 'ferns.…'."""
+        """Everything learnt as plain arrays, keyed 'half_judge', 'common.0', 'nmf.…', 'ferns.…'."""
         arrays: dict[str, NDArray[np.generic]] = {"half_judge": self.half_judge.values()}
+        arrays |= {f"common.{index}": common for index, common in enumerate(self.common)}
         arrays |= {f"nmf.{key}": value for key, value in self.recognizer.arrays().items()}
         arrays |= {f"ferns.{key}": value for key, value in self.ferns.arrays().items()}
         return arrays
@@ -122,8 +130,11 @@ class TargetFinder:
     @classmethod
     def from_arrays(cls, label: str, arrays: Mapping[str, NDArray[np.generic]]) -> TargetFinder:
         """The inverse of `arrays`. Raises KeyError or ValueError where they do not fit together."""
-        return cls(
-            Recognizer.from_arrays(label, below("nmf.", arrays)),
-            FernDetector.from_arrays([label], below("ferns.", arrays)),
-            Judge.of_values(arrays["half_judge"]),
-        )
+        recognizer = Recognizer.from_arrays(label, below("nmf.", arrays))
+        indices = range(len(recognizer.groups))
+        common = tuple(np.asarray(arrays[f"common.{index}"], np.float32) for index in indices)
+        for group, one in zip(recognizer.groups, common, strict=True):
+            if one.shape != (len(group.layouts), 4) or not np.isfinite(one).all():
+                raise ValueError("how common the halves are does not fit the views")
+        ferns = FernDetector.from_arrays([label], below("ferns.", arrays))
+        return cls(recognizer, ferns, common, Judge.of_values(arrays["half_judge"]))

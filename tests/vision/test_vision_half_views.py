@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from robot.messages import Box, Image
-from robot.vision.half_views import NOWHERE, best_half, halves
+from robot.vision.half_views import NOWHERE, HalfViews, best_half, commonness, halves
 from robot.vision.recognizer import Recognizer
 from robot.vision.recognizer_training import unjudged
 from robot.vision.textures import texture
@@ -27,6 +27,11 @@ def taught() -> Recognizer:
     return unjudged(views, "box", seed=0)
 
 
+def shapes(taught: Recognizer) -> list[HalfViews]:
+    """The halves, all equally rare."""
+    return [HalfViews(group, np.full((len(group.layouts), 4), 0.5, np.float32)) for group in taught.groups]
+
+
 def scene(hidden: str, other: Image | None = None) -> Image:
     """The first print in a room, one half of it behind a textured board."""
     image = texture((352, 288), np.random.default_rng(40))
@@ -42,7 +47,7 @@ def scene(hidden: str, other: Image | None = None) -> Image:
 @pytest.mark.parametrize("hidden", ["upper", "lower", "left", "right"])
 def test_the_half_that_shows_tells_the_whole_place(taught: Recognizer, hidden: str) -> None:
     rough = Box(146, 84, 66, 88)
-    told = best_half(Picture.of(scene(hidden)), rough, taught.groups)
+    told = best_half(Picture.of(scene(hidden)), rough, shapes(taught))
     assert told.box.iou(PLACE) > 0.75
     assert min(told.correlation, told.colour) > 0.85
     whole = taught.locate(scene(hidden), PLACE).evidence
@@ -50,20 +55,33 @@ def test_the_half_that_shows_tells_the_whole_place(taught: Recognizer, hidden: s
 
 
 def test_the_light_on_the_half_does_not_matter(taught: Recognizer) -> None:
-    bright = best_half(Picture.of(scene("left")), PLACE, taught.groups)
-    dim = best_half(Picture.of(cv2.convertScaleAbs(scene("left"), alpha=0.5)), PLACE, taught.groups)
+    bright = best_half(Picture.of(scene("left")), PLACE, shapes(taught))
+    dim = best_half(Picture.of(cv2.convertScaleAbs(scene("left"), alpha=0.5)), PLACE, shapes(taught))
     assert dim.correlation == pytest.approx(bright.correlation, abs=0.03)
     assert dim.box.iou(bright.box) > 0.8
 
 
 def test_another_print_has_no_such_half(taught: Recognizer) -> None:
-    told = best_half(Picture.of(scene("left", other=printed(77))), PLACE, taught.groups)
-    assert told.merit < best_half(Picture.of(scene("left")), PLACE, taught.groups).merit - 0.4
+    told = best_half(Picture.of(scene("left", other=printed(77))), PLACE, shapes(taught))
+    assert told.merit < best_half(Picture.of(scene("left")), PLACE, shapes(taught)).merit - 0.4
 
 
 def test_a_plain_wall_tells_nothing(taught: Recognizer) -> None:
     plain = np.full((288, 352, 3), 120, np.uint8)
-    assert best_half(Picture.of(plain), PLACE, taught.groups) == NOWHERE
+    assert best_half(Picture.of(plain), PLACE, shapes(taught)) == NOWHERE
+
+
+def test_what_is_met_everywhere_is_common(taught: Recognizer) -> None:
+    (group,) = taught.groups
+    elsewhere = [(Picture.of(texture((352, 288), np.random.default_rng(k))), PLACE) for k in range(12)]
+    rare = commonness(elsewhere, group)
+    assert rare.shape == (len(group.layouts), 4)
+    met = commonness([*elsewhere, *[(Picture.of(scene("left")), PLACE)] * 6], group)
+    right = 3
+    assert (met >= rare).all()
+    assert met[:3, right].min() > rare[:3, right].max() + 0.3, "the first print's right half"
+    told = [best_half(Picture.of(scene("left")), PLACE, [HalfViews(group, one)]).merit for one in (rare, met)]
+    assert told[1] < told[0], "what is common proves less"
 
 
 def test_halves_of_an_odd_grid_leave_out_its_middle() -> None:

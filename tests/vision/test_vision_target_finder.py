@@ -120,6 +120,7 @@ def test_the_arrays_give_the_same_finder(finder: TargetFinder) -> None:
         ("ferns.tests.first", lambda a: a + 100),
         ("ferns.settings", lambda a: a * 0),
         ("half_judge", lambda a: a[:2]),
+        ("common.0", lambda a: a[:, :3]),
         ("nmf.aspects", lambda a: a[:0]),
     ],
 )
