@@ -78,7 +78,6 @@ def test_what_is_met_everywhere_is_common(taught: Recognizer) -> None:
     assert rare.shape == (len(group.layouts), 4)
     met = commonness([*elsewhere, *[(Picture.of(scene("left")), PLACE)] * 6], group)
     right = 3
-    assert (met >= rare).all()
     assert met[:3, right].min() > rare[:3, right].max() + 0.3, "the first print's right half"
     told = [best_half(Picture.of(scene("left")), PLACE, [HalfViews(group, one)]).merit for one in (rare, met)]
     assert told[1] < told[0], "what is common proves less"
