@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from robot.messages import Box, Image
 from robot.vision.fern_features import Ferns, channels
-from robot.vision.hough import CELL_STEPS, Codebook
+from robot.vision.hough import CELL_STEPS, MOST_VOTES, Codebook
 
 Floats = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -25,8 +25,6 @@ PRIOR = 1.0
 """Places each leaf is thought to have met beforehand on either side: a single one proves little."""
 LEAST_POSTERIOR = 0.3
 """Below this a leaf does not vote: it tells of the background."""
-MOST_VOTES = 1000
-"""Of a leaf for one cell: those of 32 ferns together stay within 16 bits."""
 INSIDE = 0.5
 """A pixel of a warped view belongs to the object if so much of it does."""
 
@@ -128,6 +126,11 @@ class Experience:
         # What was met once has a sharp offset by chance.
         votes = (sure * self.met / (self.met + PRIOR))[..., None] * spread
         return Codebook((MOST_VOTES * votes).astype(np.int16), self.up, self.aside)
+
+    @property
+    def places_of_a_view(self) -> float:
+        """Places of the object met in a view, on average."""
+        return float(self.met.sum()) / len(self.met) / max(self.views, 1)
 
     def votes_of_a_view(self, codebook: Codebook) -> float:
         """Votes that a view of those met casts for its own middle, on average."""

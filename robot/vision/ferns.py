@@ -26,7 +26,7 @@ Floats = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
 LEVELS_PER_OCTAVE = 4
-FINER_SCORE = 0.1
+FINER_SCORE = 0.2
 """Power of a level's size by which its votes are too many: a finer one shows more places of the object."""
 VOTER_STEPS = 2.5
 """Grid steps (standard deviation) about a maximum within which a vote was for it."""
@@ -297,7 +297,8 @@ class FernDetector:
 
 def _known(experience: Experience, background: NDArray[np.float32]) -> _Known:
     codebook = experience.codebook(background)
-    return _Known(experience, experience.extent, codebook, peak_of(experience.votes_of_a_view(codebook)))
+    unit = peak_of(experience.votes_of_a_view(codebook), experience.places_of_a_view, codebook.square_shift)
+    return _Known(experience, experience.extent, codebook, unit)
 
 
 def _below(prefix: str, arrays: Mapping[str, NDArray[np.generic]]) -> dict[str, NDArray[np.generic]]:

@@ -29,6 +29,8 @@ CELL_STEPS = 3
 """Grid steps of a cell, to which offsets are rounded."""
 PART = 2048
 """Places whose votes are gathered together: more leave the processor's cache."""
+MOST_VOTES = 1000
+"""Of a leaf for one cell: those of 32 ferns together stay within 16 bits."""
 SUPPORT_SHARE = 0.5
 """A place belongs to the object if it voted for it more than this share of the mean of those near it."""
 BLUR_STEPS = 1.2
@@ -47,12 +49,16 @@ class Codebook:
     up: int
     aside: int
 
-    def cast(self, leaves: Leaves) -> Votes:
-        """Votes (places, cells) of leaves (F, rows, columns), places row by row."""
+    def cast(self, leaves: Leaves, *, agreeing: bool = False) -> Votes:
+        """Votes (places, cells) of leaves (F, rows, columns), places row by row.
+
+        agreeing: their squares, over `2 ** square_shift`.
+        """
         flat = leaves.reshape(len(leaves), -1)
         count = flat.shape[1]
         total = np.empty((count, self.table.shape[2]), np.int16)
         buffer = np.empty((min(PART, count), self.table.shape[2]), np.int16)
+        squares = np.empty(buffer.shape, np.int32)
         for start in range(0, count, PART):
             part = total[start : start + PART]
             np.take(self.table[0], flat[0, start : start + PART], axis=0, out=part, mode="clip")
@@ -60,12 +66,19 @@ class Codebook:
                 more = buffer[: len(part)]
                 np.take(self.table[fern], flat[fern, start : start + PART], axis=0, out=more, mode="clip")
                 np.add(part, more, out=part)
+            if agreeing:
+                wide = np.multiply(part, part, dtype=np.int32, out=squares[: len(part)])
+                np.right_shift(wide, self.square_shift, out=part, casting="unsafe")
         return total
 
     def counted(self, leaves: Leaves) -> Floats:
-        """Votes for a centre at each grid place, padded by `margin` places on every side, not smoothed."""
+        """Votes for a centre at each grid place, padded by `margin` places on every side, not smoothed.
+
+        The votes of a place for a centre count by their square: where many ferns agree on it they say more
+        than as many votes of places where each fern says something else.
+        """
         rows, columns = leaves.shape[1:]
-        votes = self.cast(leaves)
+        votes = self.cast(leaves, agreeing=True)
         by_cell = cv2.transpose(votes).reshape(-1, rows, columns)
         (above, beside) = self.margin
         found = np.zeros((rows + 2 * above, columns + 2 * beside), np.int32)
@@ -73,6 +86,11 @@ class Codebook:
             y, x = divmod(cell, 2 * self.aside + 1)
             found[CELL_STEPS * y : CELL_STEPS * y + rows, CELL_STEPS * x : CELL_STEPS * x + columns] += plane
         return found.astype(np.float32)
+
+    @property
+    def square_shift(self) -> int:
+        """Bits dropped from squares of votes, so that the largest there can be fit into 16 bits."""
+        return max(math.ceil(2.0 * math.log2(len(self.table) * MOST_VOTES)) - 15, 0)
 
     @property
     def margin(self) -> tuple[int, int]:
@@ -134,6 +152,8 @@ def smoothed(votes: Floats) -> Floats:
     return np.asarray(cv2.GaussianBlur(votes, (0, 0), BLUR_STEPS, borderType=cv2.BORDER_CONSTANT), np.float32)
 
 
-def peak_of(votes: float) -> float:
-    """Height of the maximum that so many votes for one centre leave once smoothed; at least 1."""
-    return max(votes / (2.0 * math.pi * BLUR_STEPS**2), 1.0)
+def peak_of(votes: float, places: float, square_shift: int) -> float:
+    """Height of the maximum about which so many votes of so many places for one centre leave once they are
+    squared and smoothed; at least 1."""
+    squares = votes**2 / max(places, 1.0) / 2.0**square_shift
+    return max(squares / (2.0 * math.pi * BLUR_STEPS**2), 1.0)

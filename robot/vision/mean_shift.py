@@ -17,7 +17,7 @@ WINDOW = 0.15
 STEPS, STILL_PX = 4, 0.2
 NEIGHBOURS = 1
 """Levels to both sides that a window holds."""
-FINER = 0.8
+FINER = 1.6
 """A finer level shows more places of an object, and so more votes for it: where its size is sought they count
 less, by this power of the level's size."""
 APART = 0.5

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robot.messages import Box
-from robot.vision.hough import CELL_STEPS, Codebook, Voters, smoothed
+from robot.vision.hough import CELL_STEPS, MOST_VOTES, Codebook, Voters, smoothed
 from robot.vision.mean_shift import peaks
 
 LEAVES = 4
@@ -26,18 +26,37 @@ def leaves_at(*places, shape=(20, 30)):
 
 
 def test_votes_arrive_at_their_offsets():
-    book = codebook(2, 1, {(1, 2, -1): 7, (2, -2, 1): 5})
+    book = codebook(2, 1, {(1, 2, -1): 700, (2, -2, 1): 500})
+    seven, five = (votes**2 >> book.square_shift for votes in (700, 500))
     above, beside = book.margin
     counted = book.counted(leaves_at((1, 4, 9), (2, 10, 3)))
     assert counted.shape == (20 + 2 * above, 30 + 2 * beside)
-    assert counted[above + 4 + 2 * CELL_STEPS, beside + 9 - CELL_STEPS] == 7
-    assert counted[above + 10 - 2 * CELL_STEPS, beside + 3 + CELL_STEPS] == 5
-    assert counted.sum() == 12
+    assert counted[above + 4 + 2 * CELL_STEPS, beside + 9 - CELL_STEPS] == seven
+    assert counted[above + 10 - 2 * CELL_STEPS, beside + 3 + CELL_STEPS] == five
+    assert counted.sum() == seven + five
 
 
 def test_votes_may_fall_outside_the_picture():
-    book = codebook(3, 3, {(1, -3, -3): 2})
-    assert book.counted(leaves_at((1, 0, 0)))[0, 0] == 2
+    book = codebook(3, 3, {(1, -3, -3): 200})
+    assert book.counted(leaves_at((1, 0, 0)))[0, 0] == 200**2 >> book.square_shift
+
+
+def test_ferns_that_agree_count_more_than_ferns_apart():
+    table = np.zeros((2, LEAVES, 9), np.int16)
+    table[:, 1, 4] = 600  # both ferns' leaf 1 votes for its own place
+    book = Codebook(table, 1, 1)
+    agreeing, apart = np.zeros((2, 2, 20, 30), np.uint16)
+    agreeing[:, 8, 8] = 1
+    apart[0, 8, 8] = apart[1, 8, 14] = 1
+    assert book.counted(agreeing).sum() == pytest.approx(2 * book.counted(apart).sum(), rel=0.01)
+
+
+@pytest.mark.parametrize("ferns", [1, 12, 20, 32])
+def test_the_most_votes_there_can_be_do_not_overflow(ferns):
+    book = Codebook(np.full((ferns, 2, 1), MOST_VOTES, np.int16), 0, 0)
+    counted = book.counted(np.ones((ferns, 3, 3), np.uint16))
+    assert (counted == (ferns * MOST_VOTES) ** 2 >> book.square_shift).all()
+    assert counted.max() > 2**13, "no more bits are dropped than need be"
 
 
 def test_many_places_are_counted_as_few(monkeypatch):
