@@ -31,6 +31,7 @@ from bench.detector_composites import (
     put,
 )
 from bench.detector_peers import SiftHomography, TemplateScales
+from bench.detector_sheet import sheet
 from bench.detector_uiuc import CROP, Found, crops, equal_error_rate, grey, truths
 from bench.report import Bar, arguments, publish
 from robot.errors import UserError
@@ -193,18 +194,35 @@ def bars(rows: Sequence[Row]) -> list[Bar]:
     return found
 
 
+def _drawn(data: Path, out: Path) -> int:
+    """Votes, support and detections of one cup under every condition, as a picture."""
+    folder = sorted((data / "detection" / "eth80_cups").iterdir())[0]
+    rng = np.random.default_rng(8)
+    known, fresh = (backgrounds(data)[part::2] for part in (0, 1))
+    views = cup_views(folder)
+    finder = _taught(folder.name, views[::2], [cut(image, rng) for image in known * 2], 0).ours
+    shown = [(how.name, _pictures(views[1::2][6], fresh, how, rng)[0]) for how in CONDITIONS]
+    if not cv2.imwrite(str(out), sheet(finder, folder.name, shown, CUP_SCALES)):
+        raise UserError(f"{out}: cannot be written; name a .png in a folder that exists")
+    return 0
+
+
 def _mean(rows: Sequence[Row], key: str) -> float:
     return round(float(np.mean([row[key] for row in rows])), 4)
 
 
 def main(words: Sequence[str] | None = None) -> int:
     """Run the bench; returns the exit code."""
-    options = arguments(__doc__ or "").parse_args(words)
+    parser = arguments(__doc__ or "")
+    parser.add_argument("--sheet", help="write a picture of votes, support and detections on the cups here")
+    options = parser.parse_args(words)
     cv2.setNumThreads(1)
     try:
         if not options.data:
             raise UserError("give the folder of real images with --data DIR")
         data = Path(options.data)
+        if options.sheet:
+            return _drawn(data, Path(options.sheet))
         rows = cars(data / "detection" / "uiuc_cars", range(5 if options.full else 3))
         rows += cups(data, FULL if options.full else PICTURES)
     except UserError as problem:

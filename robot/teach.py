@@ -96,8 +96,8 @@ def teach(
 def found_words(validation: Validation) -> str:
     """What cross-validation found, in one line."""
     return (
-        f"cross-validated: found {validation.recall:.0%} whole, {validation.half_recall:.0%} half hidden, "
-        f"{validation.false_alarms:.2f} false alarms a picture"
+        f"cross-validated in other pictures and light: {validation.recall:.0%} found whole, "
+        f"{validation.half_recall:.0%} half hidden, {validation.false_alarms:.2f} false alarms a picture"
     )
 
 

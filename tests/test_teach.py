@@ -88,7 +88,7 @@ def test_the_lesson_says_how_well_by_views_it_did_not_learn_from(lesson) -> None
     assert told.recall > 0.7, "with 20 of the 30 views"
     assert 0.2 < told.half_recall <= told.recall
     assert told.false_alarms < 0.05
-    assert found_words(told).startswith("cross-validated: found ")
+    assert found_words(told).startswith("cross-validated in other pictures")
 
 
 def test_a_poor_cross_validation_is_warned_about() -> None:

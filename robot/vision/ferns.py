@@ -60,7 +60,7 @@ class Sample:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HoughDetection:
-    """An object found. score: 1 is what training views reach on average; scale: its size over the
+    """An object found. score: about 1 for views like those learnt; scale: its size over the
     reference's; support (H, W): pixels of the image that voted for it."""
 
     box: Box
@@ -193,16 +193,28 @@ class FernDetector:
         levels = self._levels(image, scales)
         found = []
         for label, known in self.classes.items():
-            maps = [
-                smoothed(known.codebook.counted(level.leaves))
-                / np.float32(known.unit * level.shrink**FINER_SCORE)
-                for level in levels
-            ]
+            maps = [_votes(level, known) for level in levels]
             above, beside = known.codebook.margin
             shrinks, step = [level.shrink for level in levels], self.settings.step_px
             spots = peaks(maps, shrinks, (beside, above), step, known.extent, least_score, most)
             found += self._explained(spots, levels, known, label, image.shape[:2], least_score)
         return sorted(found, key=lambda d: -d.score)
+
+    def vote_map(self, image: Image, label: str, scales: Sequence[float] | None = None) -> Floats:
+        """Votes (H, W) float32 for a middle of the object at each pixel, at the size with most: for people.
+
+        As high as the score of a detection there would be. Raises KeyError for a label not learnt.
+        """
+        known, step = self.classes[label], self.settings.step_px
+        above, beside = known.codebook.margin
+        best = np.zeros(image.shape[:2], np.float32)
+        for level in self._levels(image, scales):
+            rows, columns = level.leaves.shape[1:]
+            inner = _votes(level, known)[above : above + rows, beside : beside + columns]
+            scale = step / level.shrink
+            to_picture = np.array([[scale, 0.0, 0.0], [0.0, scale, 0.0]])
+            best = np.maximum(best, cv2.warpAffine(inner, to_picture, (image.shape[1], image.shape[0])))
+        return np.asarray(best, np.float32)
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
         """Everything learnt as plain arrays, keyed 'settings', 'background', 'tests.first', '0.met', ...
@@ -293,6 +305,12 @@ class FernDetector:
         leaves = level.leaves[:, y0:y1, x0:x1]
         votes = known.codebook.voters(leaves, (centre[0] - y0, centre[1] - x0), VOTER_STEPS)
         return Voters(votes, (x0 / per_step, y0 / per_step), 1.0 / per_step)
+
+
+def _votes(level: _Level, known: _Known) -> Floats:
+    """Votes for each middle on a level's grid with its margin, in units of a score."""
+    unit = np.float32(known.unit * level.shrink**FINER_SCORE)
+    return np.asarray(smoothed(known.codebook.counted(level.leaves)) / unit, np.float32)
 
 
 def _known(experience: Experience, background: NDArray[np.float32]) -> _Known:

@@ -160,3 +160,26 @@ def test_settings_are_kept_within_bounds():
         FernDetector.fit(
             [Sample(poster(1), Box(0, 0, *OBJECT), "x")], NEGATIVES, settings=FernSettings(bits=20)
         )
+
+
+@pytest.mark.parametrize("which", [1, 2])
+def test_the_vote_map_is_highest_at_the_objects_middle(detector, which):
+    picture, true = shown(which, (70, 30))
+    votes = detector.vote_map(picture, f"poster{which}")
+    assert votes.shape == picture.shape
+    row, column = np.unravel_index(int(votes.argmax()), votes.shape)
+    assert (column, row) == (pytest.approx(true.centre[0], abs=5), pytest.approx(true.centre[1], abs=5))
+    assert votes.max() == pytest.approx(detector.predict(picture)[0].score, rel=0.15)
+    other = detector.vote_map(picture, f"poster{3 - which}")
+    assert other.max() < 0.6 * votes.max()
+    with pytest.raises(KeyError):
+        detector.vote_map(picture, "cup")
+
+
+def test_a_detector_comes_back_from_its_arrays(detector):
+    again = FernDetector.from_arrays(["poster1", "poster2"], detector.arrays())
+    picture, _ = shown(2, (70, 30))
+    first, second = (one.predict(picture) for one in (detector, again))
+    assert [(d.label, d.box, d.score) for d in first] == [(d.label, d.box, d.score) for d in second]
+    more = again.partial_fit([Sample(poster(3), Box(0, 0, *OBJECT), "poster3")] * 2)
+    assert set(more.classes) == {"poster1", "poster2", "poster3"}, "it goes on learning"
