@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from robot.messages import Box, Image
 from robot.vision.prepared_view import FLAT_STD, FlatViewError, prepare
-from robot.vision.windows import grey_of, resize
+from robot.vision.windows import cut_out, grey_of, resize
 
 Mask = NDArray[np.bool_]
 Progress = Callable[[int, str], None]
@@ -129,8 +129,4 @@ def _compared(view: View) -> NDArray[np.float64]:
 
 def view_of(view: View) -> Image:
     """The target's part of a view's picture, BGR uint8, at whole pixels."""
-    height, width = view.image_bgr.shape[:2]
-    box = view.box.clipped(width, height)
-    x0, y0 = int(np.floor(box.x + 0.5)), int(np.floor(box.y + 0.5))
-    x1, y1 = int(np.floor(box.x + box.w + 0.5)), int(np.floor(box.y + box.h + 0.5))
-    return view.image_bgr[y0 : max(y1, y0 + 1), x0 : max(x1, x0 + 1)]
+    return cut_out(view.image_bgr, view.box)

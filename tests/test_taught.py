@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -15,8 +16,15 @@ from robot.errors import UserError
 from robot.messages import Box
 from robot.model_file import Model
 from robot.teach import Lesson
+from robot.vision.finder_training import Validation
 
 QUIET = Console(quiet=True)
+
+
+def lesson_of(model: Model) -> Lesson:
+    """A lesson of which this model came."""
+    sheet = np.zeros((72, 72, 3), np.uint8)
+    return Lesson(model, model.views, {}, (), sheet, Validation(0.9, 0.4, 0.0, 30, 60))
 
 
 @pytest.fixture
@@ -47,7 +55,7 @@ def test_a_target_nobody_taught_is_taught_in_its_studio(
 
     def studio(name: str, scene: str, seed: int, console: Console) -> Lesson:
         asked.append((name, scene, seed))
-        return Lesson(box, box.views, {}, (), None, None)  # type: ignore[arg-type]
+        return lesson_of(box)
 
     monkeypatch.setattr(taught, "from_studio", studio)
     path = taught.model_for("cup", QUIET)
@@ -60,8 +68,7 @@ def test_a_target_nobody_taught_is_taught_in_its_studio(
 def test_a_model_of_an_older_format_is_taught_anew(
     folder: Path, box: Model, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    lesson = Lesson(box, box.views, {}, (), None, None)  # type: ignore[arg-type]
-    monkeypatch.setattr(taught, "from_studio", lambda *_: lesson)
+    monkeypatch.setattr(taught, "from_studio", lambda *_: lesson_of(box))
     (folder / "models").mkdir()
     data = bytearray(model_file.to_bytes(box))
     data[8:10] = (1).to_bytes(2, "little")

@@ -21,6 +21,8 @@ from robot.vision.fern_features import Ferns, Leaves, channels
 from robot.vision.fern_learning import Experience, Place, places_of, places_without
 from robot.vision.hough import Codebook, Voters, peak_of, smoothed
 from robot.vision.mean_shift import Peak, peaks
+from robot.vision.named_arrays import below
+from robot.vision.picture_patch import checked
 
 Floats = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -189,6 +191,9 @@ class FernDetector:
                 object would fill the picture.
             least_score: what scores less is not told.
             most: of each class.
+
+        Raises:
+            ValueError: the image is not uint8, or neither grey nor BGR.
         """
         levels = self._levels(image, scales)
         found = []
@@ -234,14 +239,14 @@ class FernDetector:
     def from_arrays(cls, labels: Sequence[str], arrays: Mapping[str, NDArray[np.generic]]) -> FernDetector:
         """The inverse of `arrays`. Raises KeyError or ValueError where they do not fit together."""
         settings = FernSettings(*(int(value) for value in arrays["settings"]))
-        ferns = Ferns.from_arrays(_below("tests.", arrays))
+        ferns = Ferns.from_arrays(below("tests.", arrays))
         background = np.asarray(arrays["background"], np.float32)
         sane = 1 <= settings.step_px <= 16 and 8 <= settings.reference_px <= 512
         if background.shape != (ferns.count, ferns.leaf_count) or not sane:
             raise ValueError("the arrays of a fern detector do not fit together")
         if not np.isfinite(background).all() or background.min() < 0.0:
             raise ValueError("the ferns' background holds impossible numbers")
-        learnt = [Experience.from_arrays(_below(f"{i}.", arrays)) for i in range(len(labels))]
+        learnt = [Experience.from_arrays(below(f"{i}.", arrays)) for i in range(len(labels))]
         for one in learnt:
             narrow, long = sorted(one.extent)
             fits = one.met.shape == background.shape and 0.99 < long / settings.reference_px < 1.01
@@ -251,7 +256,7 @@ class FernDetector:
         return cls(settings, ferns, background, known)
 
     def _levels(self, image: Image, scales: Sequence[float] | None) -> list[_Level]:
-        height, width = image.shape[:2]
+        height, width = checked(image).shape[:2]
         if scales is None:
             largest = max(1.0, 1.2 * max(height, width) / self.settings.reference_px)
             count = 1 + math.floor(LEVELS_PER_OCTAVE * math.log2(largest))
@@ -317,7 +322,3 @@ def _known(experience: Experience, background: NDArray[np.float32]) -> _Known:
     codebook = experience.codebook(background)
     unit = peak_of(experience.votes_of_a_view(codebook), experience.places_of_a_view, codebook.square_shift)
     return _Known(experience, experience.extent, codebook, unit)
-
-
-def _below(prefix: str, arrays: Mapping[str, NDArray[np.generic]]) -> dict[str, NDArray[np.generic]]:
-    return {key.removeprefix(prefix): value for key, value in arrays.items() if key.startswith(prefix)}

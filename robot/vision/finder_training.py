@@ -20,6 +20,7 @@ from robot.vision.half_views import best_half, commonness
 from robot.vision.recognizer import HEIGHTS_PX
 from robot.vision.recognizer_training import (
     FOLDS,
+    UNJUDGED,
     background,
     evidence_in_scene,
     large_enough,
@@ -29,14 +30,13 @@ from robot.vision.recognizer_training import (
     unjudged,
 )
 from robot.vision.target_finder import TargetFinder
-from robot.vision.view_matching import Evidence, Judge, Picture
-from robot.vision.windows import Floats
+from robot.vision.view_matching import Evidence, Picture
+from robot.vision.windows import Floats, cut_out
 
 Mask = NDArray[np.bool_]
 
 FERNS = FernSettings(reference_px=32)
 """Targets are looked for from 18 px on: ferns of a larger reference would look at enlarged pictures."""
-UNJUDGED = Judge((1.0, 1.0, 1.0), 0.0)
 HALF_MARGIN = 0.4
 """Of the way from the worst negatives to the median half: there are more halves than wholes to go wrong."""
 SCENES = 2
@@ -66,10 +66,7 @@ class View:
     @property
     def crop(self) -> Image:
         """What is in the box, at whole pixels."""
-        inside = self.box.clipped(self.image.shape[1], self.image.shape[0])
-        x0, y0 = int(np.floor(inside.x + 0.5)), int(np.floor(inside.y + 0.5))
-        x1, y1 = int(np.floor(inside.x + inside.w + 0.5)), int(np.floor(inside.y + inside.h + 0.5))
-        return self.image[y0 : max(y1, y0 + 1), x0 : max(x1, x0 + 1)]
+        return cut_out(self.image, self.box)
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,8 +122,7 @@ def fit(views: Sequence[View], negatives: Sequence[Image], label: str, seed: int
     folded = list(folds(views, usable, label, seed))
     evidences = [evidences_of(fold, rng) for fold in folded]
     finder = _taught(views, usable, label, seed)
-    scanned = [place.evidence for picture in usable for place in finder.recognizer.candidates(picture)]
-    return Taught(judged(finder, evidences, scanned), validated(folded, evidences, scanned, rng))
+    return Taught(judged(finder, evidences), validated(folded, evidences, rng))
 
 
 def folds(views: Sequence[View], negatives: Sequence[Image], label: str, seed: int) -> Iterator[Fold]:
@@ -163,11 +159,11 @@ def _common(finder: TargetFinder, negatives: Sequence[Image]) -> tuple[Floats, .
     return tuple(commonness(places, group) for group in finder.recognizer.groups)
 
 
-def judged(finder: TargetFinder, evidences: Sequence[Evidences], scanned: Sequence[Evidence]) -> TargetFinder:
-    """The finder with judges learnt from these; scanned: of places that NMF alone proposes wrongly."""
+def judged(finder: TargetFinder, evidences: Sequence[Evidences]) -> TargetFinder:
+    """The finder with judges learnt from these."""
     whole = learn_judge(
         [one for part in evidences for one in part.whole],
-        [*scanned, *(one for part in evidences for one in part.against_whole)],
+        [one for part in evidences for one in part.against_whole],
     )
     half = learn_judge(
         [one for part in evidences for one in part.half],
@@ -177,16 +173,11 @@ def judged(finder: TargetFinder, evidences: Sequence[Evidences], scanned: Sequen
     return replace(finder, recognizer=replace(finder.recognizer, judge=whole), half_judge=half)
 
 
-def validated(
-    folded: Sequence[Fold],
-    evidences: Sequence[Evidences],
-    scanned: Sequence[Evidence],
-    rng: np.random.Generator,
-) -> Validation:
+def validated(folded: Sequence[Fold], evidences: Sequence[Evidences], rng: np.random.Generator) -> Validation:
     """Three-fold cross-validation: no finder, and no judge, has met what it is asked here."""
     whole, half, false, pictures = [], [], 0, 0
     for index, fold in enumerate(folded):
-        finder = judged(fold.finder, [e for i, e in enumerate(evidences) if i != index], scanned)
+        finder = judged(fold.finder, [e for i, e in enumerate(evidences) if i != index])
         for view in fold.views[:: max(1, len(fold.views) // MOST_VALIDATED)]:
             image, box = _scene(view.crop, fold.negatives, rng)
             whole.append(_found(finder, image, box))
@@ -226,9 +217,11 @@ def evidences_of(fold: Fold, rng: np.random.Generator) -> Evidences:
             evidence_in_scene(finder.recognizer, look_alike(crop, rng), fold.negatives, rng)
         )
     for image in fold.negatives:
+        # What NMF alone would propose wrongly counts too: it may be asked to look alone.
+        found.against_whole += [place.evidence for place in finder.recognizer.candidates(image)]
         picture = Picture.of(image)
         for one in finder.proposals(image, HEIGHTS_PX):
-            found.against_whole.append(finder.recognizer.locate(image, one.box).evidence)
+            found.against_whole.append(finder.recognizer.locate(picture, one.box).evidence)
             half = best_half(picture, one.box, finder.halves())
             found.against_half.append((half.merit, half.colour, one.score))
     return found

@@ -83,7 +83,7 @@ def commonness(places: Iterable[tuple[Picture, Box]], group: AspectGroup) -> Flo
     """What these places without the target reach of each half of each view, (m, 4): see `HalfViews`."""
     reached = [_reached(picture, box, group) for picture, box in places]
     if not reached:
-        return np.zeros((len(group.layouts), 4), np.float32)
+        return np.full((len(group.layouts), 4), LEAST_COMMON, np.float32)
     return np.quantile(np.stack(reached), COMMON_QUANTILE, axis=0).clip(LEAST_COMMON).astype(np.float32)
 
 

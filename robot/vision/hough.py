@@ -11,7 +11,7 @@ Source: Leibe, Leonardis, Schiele, "Robust object detection with interleaved cat
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -49,36 +49,25 @@ class Codebook:
     up: int
     aside: int
 
-    def cast(self, leaves: Leaves, *, agreeing: bool = False) -> Votes:
-        """Votes (places, cells) of leaves (F, rows, columns), places row by row.
-
-        agreeing: their squares, over `2 ** square_shift`.
-        """
-        flat = leaves.reshape(len(leaves), -1)
-        count = flat.shape[1]
-        total = np.empty((count, self.table.shape[2]), np.int16)
-        buffer = np.empty((min(PART, count), self.table.shape[2]), np.int16)
-        squares = np.empty(buffer.shape, np.int32)
-        for start in range(0, count, PART):
-            part = total[start : start + PART]
-            np.take(self.table[0], flat[0, start : start + PART], axis=0, out=part, mode="clip")
-            for fern in range(1, len(flat)):
-                more = buffer[: len(part)]
-                np.take(self.table[fern], flat[fern, start : start + PART], axis=0, out=more, mode="clip")
-                np.add(part, more, out=part)
-            if agreeing:
-                wide = np.multiply(part, part, dtype=np.int32, out=squares[: len(part)])
-                np.right_shift(wide, self.square_shift, out=part, casting="unsafe")
+    def cast(self, leaves: Leaves) -> Votes:
+        """Votes (places, cells) of leaves (F, rows, columns), places row by row."""
+        total = np.empty((leaves[0].size, self.table.shape[2]), np.int16)
+        for _ in self._parts(leaves, total):
+            pass
         return total
 
     def counted(self, leaves: Leaves) -> Floats:
         """Votes for a centre at each grid place, padded by `margin` places on every side, not smoothed.
 
-        The votes of a place for a centre count by their square: where many ferns agree on it they say more
-        than as many votes of places where each fern says something else.
+        The votes of a place for a centre count by their square, over 2 ** `square_shift`: where many ferns
+        agree on it they say more than as many votes of places where each fern says something else.
         """
         rows, columns = leaves.shape[1:]
-        votes = self.cast(leaves, agreeing=True)
+        votes = np.empty((rows * columns, self.table.shape[2]), np.int16)
+        squares = np.empty((min(PART, len(votes)), votes.shape[1]), np.int32)
+        for part in self._parts(leaves, votes):
+            wide = np.multiply(part, part, dtype=np.int32, out=squares[: len(part)])
+            np.right_shift(wide, self.square_shift, out=part, casting="unsafe")
         by_cell = cv2.transpose(votes).reshape(-1, rows, columns)
         (above, beside) = self.margin
         found = np.zeros((rows + 2 * above, columns + 2 * beside), np.int32)
@@ -86,6 +75,20 @@ class Codebook:
             y, x = divmod(cell, 2 * self.aside + 1)
             found[CELL_STEPS * y : CELL_STEPS * y + rows, CELL_STEPS * x : CELL_STEPS * x + columns] += plane
         return found.astype(np.float32)
+
+    def _parts(self, leaves: Leaves, total: Votes) -> Iterator[Votes]:
+        """Part after part of `total` (places, cells) as it is filled with the votes of these leaves."""
+        flat = leaves.reshape(len(leaves), -1)
+        count = flat.shape[1]
+        buffer = np.empty((min(PART, count), self.table.shape[2]), np.int16)
+        for start in range(0, count, PART):
+            part = total[start : start + PART]
+            np.take(self.table[0], flat[0, start : start + PART], axis=0, out=part, mode="clip")
+            for fern in range(1, len(flat)):
+                more = buffer[: len(part)]
+                np.take(self.table[fern], flat[fern, start : start + PART], axis=0, out=more, mode="clip")
+                np.add(part, more, out=part)
+            yield part
 
     @property
     def square_shift(self) -> int:

@@ -17,13 +17,26 @@ def bgr_of(image: Image) -> Image:
     Raises:
         ValueError: it is not uint8, has an alpha channel, or is smaller than 8 px.
     """
+    if min(checked(image).shape[:2]) < LEAST_PX:
+        raise ValueError(f"a picture of at least {LEAST_PX} px is needed, got shape {image.shape}")
+    return coloured(image)
+
+
+def checked(image: Image) -> Image:
+    """The picture itself. Raises ValueError if it is empty, not uint8, or neither grey nor BGR (H, W[, 3])."""
     if image.dtype != np.uint8:
         raise ValueError(f"a uint8 picture is needed, got {image.dtype}: scale it to 0..255 first")
     if image.ndim not in (2, 3) or (image.ndim == 3 and image.shape[2] != 3):
         raise ValueError(f"a grey (H, W) or BGR (H, W, 3) picture is needed, got shape {image.shape}")
-    if min(image.shape[:2]) < LEAST_PX:
-        raise ValueError(f"a picture of at least {LEAST_PX} px is needed, got shape {image.shape}")
-    return image if image.ndim == 3 else np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR), np.uint8)
+    if image.size == 0:
+        raise ValueError(f"a picture with pixels is needed, got shape {image.shape}")
+    return image
+
+
+def coloured(image: Image) -> Image:
+    """A colour picture (H, W, 3) uint8 of a colour or grey one of any size; raises as `checked` does."""
+    grey = checked(image).ndim == 2
+    return np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR), np.uint8) if grey else image
 
 
 def patch_of(

@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 
 from robot.messages import Box, Detection, Image
 from robot.vision.colour import layout_similarity
+from robot.vision.named_arrays import below
 from robot.vision.view_matching import (
     LEADING,
     AspectGroup,
     Judge,
     Picture,
     Placed,
-    below,
     best_near,
     box_from,
     in_shape_of,
@@ -85,8 +85,7 @@ class Recognizer:
         image: BGR uint8 (H, W, 3). heights_px: heights of target to look for, in pixels; None searches
         18 to 170 px. Scores lie between 0.5 (the threshold learnt on negatives) and 1.
         """
-        places = self.candidates(image, heights_px)
-        judged = [Detection(place.box, self.judge.score(place.evidence), self.label) for place in places]
+        judged = [self.detection(place) for place in self.candidates(image, heights_px)]
         return one_for_each_place([detection for detection in judged if detection.score >= 0.5])
 
     def glance(self, image: Image, heights_px: Sequence[float]) -> list[Detection]:
@@ -98,12 +97,11 @@ class Recognizer:
 
         Searches shifts of about a sixth and scales of about a fifth of the box, nothing farther away.
         """
-        return self.judge.score(self.locate(image, box).evidence)
+        return self.refine(image, box).score
 
     def refine(self, image: Image, box: Box) -> Detection:
         """The best place at or near a box, with its score (which may be below 0.5)."""
-        place = self.locate(image, box)
-        return Detection(place.box, self.judge.score(place.evidence), self.label)
+        return self.detection(self.locate(Picture.of(image), box))
 
     def judged(self, picture: Picture, box: Box) -> Detection:
         """The best place about a box that was roughly proposed, with its score.
@@ -112,14 +110,15 @@ class Recognizer:
         """
         roughly = [_best_roughly(picture, box, group) for group in self.groups]
         _, start, group = max(roughly, key=lambda rough: rough[0])
-        place = self._looked_at_again(picture, [best_near(picture, start, group, _FINE_SCALES, 2)])[0]
-        return Detection(place.box, self.judge.score(place.evidence), self.label)
+        (place,) = self._looked_at_again(picture, [best_near(picture, start, group, _FINE_SCALES, 2)])
+        return self.detection(place)
 
-    def locate(self, image: Image, box: Box) -> Placed:
+    def detection(self, place: Placed) -> Detection:
+        """A place with its score."""
+        return Detection(place.box, self._score(place), self.label)
+
+    def locate(self, picture: Picture, box: Box) -> Placed:
         """The best window near a box over all of the target's shapes."""
-        return self._locate(Picture.of(image), box)
-
-    def _locate(self, picture: Picture, box: Box) -> Placed:
         tries = (best_near(picture, box, group, _BOX_SCALES, 4) for group in self.groups)
         return max(tries, key=self._score)
 
@@ -144,7 +143,7 @@ class Recognizer:
         places = sorted(places, key=self._score, reverse=True)
         doubtful = [i for i, place in enumerate(places) if _HOPELESS < self._score(place) < _SURE]
         for i in doubtful[:_SECOND_LOOKS]:
-            places[i] = max(places[i], self._locate(picture, places[i].box), key=self._score)
+            places[i] = max(places[i], self.locate(picture, places[i].box), key=self._score)
         return places
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:

@@ -19,7 +19,7 @@ from robot.vision.nmf_objectives import EUCLIDEAN, Objective
 from robot.vision.nmf_rank import largest_rank
 from robot.vision.prepared_view import Matrix
 from robot.vision.recognizer import Recognizer
-from robot.vision.view_matching import AspectGroup, Evidence, Judge
+from robot.vision.view_matching import AspectGroup, Evidence, Judge, Picture
 from robot.vision.viewspace import ViewSpace, window_size
 from robot.vision.windows import grey_of
 
@@ -32,6 +32,7 @@ MOST_GROUPS = 3
 GROUP_SPREAD = 1.35
 FEWEST_VIEWS = 4
 FOLDS = 3
+UNJUDGED = Judge((1.0, 1.0, 1.0), 0.0)
 _SMALLEST_NEGATIVE_PX = 64
 # How strongly the judge is held to counting all evidence alike: one kind that happened to separate the
 # lesson's pictures perfectly must not silence the others.
@@ -72,7 +73,7 @@ def unjudged(views: Sequence[Image], label: str, seed: int, objective: Objective
     groups = tuple(
         _learn_group([views[i] for i in members], seed, objective) for members in shape_groups(views)
     )
-    return Recognizer(label, groups, Judge((1.0, 1.0, 1.0), 0.0))
+    return Recognizer(label, groups, UNJUDGED)
 
 
 def shape_groups(views: Sequence[Image]) -> list[list[int]]:
@@ -112,7 +113,7 @@ def _held_out_evidence(
     rng: np.random.Generator,
 ) -> list[Evidence]:
     """Evidence for views as seen by recognizers that did not learn from them, two scenes a view."""
-    folds = np.arange(len(views)) % FOLDS
+    folds = rng.permutation(len(views)) % FOLDS  # views often come in turns: every third may be of one side
     evidence: list[Evidence] = []
     for fold in range(FOLDS):
         taught = unjudged([v for v, f in zip(views, folds, strict=True) if f != fold], label, seed, objective)
@@ -125,8 +126,8 @@ def evidence_in_scene(
     recognizer: Recognizer, view: Image, backgrounds: Sequence[Image], rng: np.random.Generator
 ) -> Evidence:
     """What speaks for the view's place in a scene made of it."""
-    picture, box = scene_with(view, backgrounds, rng)
-    return recognizer.locate(picture, box).evidence
+    image, box = scene_with(view, backgrounds, rng)
+    return recognizer.locate(Picture.of(image), box).evidence
 
 
 def scene_with(view: Image, backgrounds: Sequence[Image], rng: np.random.Generator) -> tuple[Image, Box]:
@@ -169,19 +170,11 @@ def in_other_light(image: Image, rng: np.random.Generator) -> Image:
 
 def look_alike(view: Image, rng: np.random.Generator) -> Image:
     """The target's shape with another print: the middle turned upside down, or its hues turned."""
-    return other_hues(view, rng) if rng.random() < 0.5 else other_print(view)
-
-
-def other_hues(view: Image, rng: np.random.Generator) -> Image:
-    """The view with all hues turned alike."""
-    hsv = cv2.cvtColor(view, cv2.COLOR_BGR2HSV)
-    hsv[..., 0] = (hsv[..., 0].astype(int) + int(rng.integers(40, 141))) % 180
-    return np.asarray(cv2.cvtColor(hsv, cv2.COLOR_HSV2BGR), np.uint8)
-
-
-def other_print(view: Image) -> Image:
-    """The view with its middle turned upside down."""
     other = view.copy()
+    if rng.random() < 0.5:
+        hsv = cv2.cvtColor(other, cv2.COLOR_BGR2HSV)
+        hsv[..., 0] = (hsv[..., 0].astype(int) + int(rng.integers(40, 141))) % 180
+        return np.asarray(cv2.cvtColor(hsv, cv2.COLOR_HSV2BGR), np.uint8)
     rows, columns = view.shape[0] // 8, view.shape[1] // 8
     middle = np.s_[rows : view.shape[0] - rows, columns : view.shape[1] - columns]
     other[middle] = view[middle][::-1, ::-1]

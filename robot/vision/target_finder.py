@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from robot.messages import Box, Detection, Image
 from robot.vision.ferns import FernDetector, HoughDetection
 from robot.vision.half_views import HalfViews, best_half
+from robot.vision.named_arrays import below
 from robot.vision.recognizer import HEIGHTS_PX, Recognizer
-from robot.vision.view_matching import Judge, Picture, below, one_for_each_place
-from robot.vision.windows import Floats
+from robot.vision.view_matching import Judge, Picture, one_for_each_place
+from robot.vision.windows import Floats, with_surroundings
 
 PROPOSALS = 8
 """Places the ferns may propose in a picture."""
@@ -31,7 +32,7 @@ GLANCED = 2
 SAME_PLACE = 0.4
 """Overlap from which votes are for what is in a box."""
 ABOUT = 0.75
-"""Of a box's longer edge: how far around it votes are counted when a single place is judged."""
+"""Of a box's edges: how far around it votes are counted when a single place is judged."""
 NEAR_SCALES = (2.0**-0.25, 1.0, 2.0**0.25)
 """Sizes over the box's at which they are counted."""
 SURE = 0.5
@@ -84,10 +85,11 @@ class TargetFinder:
 
     def refine(self, image: Image, box: Box) -> Detection:
         """The best place at or near a box, with its score (which may be below 0.5)."""
-        whole = self.recognizer.refine(image, box)
+        picture = Picture.of(image)
+        whole = self.recognizer.detection(self.recognizer.locate(picture, box))
         if whole.score >= SURE:
             return whole
-        half = self._by_half(Picture.of(image), box, self.votes(image, box))
+        half = self._by_half(picture, box, self.votes(image, box))
         return max(whole, half, key=lambda one: one.score)
 
     def proposals(self, image: Image, heights_px: Sequence[float]) -> list[HoughDetection]:
@@ -98,16 +100,12 @@ class TargetFinder:
 
     def votes(self, image: Image, box: Box) -> float:
         """Score of the ferns for what is in a box, 0 if they vote for nothing there."""
-        reach = ABOUT * max(box.w, box.h)
-        around = Box(box.x - reach, box.y - reach, box.w + 2 * reach, box.h + 2 * reach)
-        inside = around.clipped(image.shape[1], image.shape[0])
-        x, y = int(inside.x), int(inside.y)
-        part = np.ascontiguousarray(image[y : int(inside.y + inside.h), x : int(inside.x + inside.w)])
-        if min(part.shape[:2]) < 8:
+        near = with_surroundings(image, box, ABOUT)
+        if near is None:
             return 0.0
+        part, moved = near
         size = box.h / self.ferns.classes[self.label].extent[1]
         found = self.ferns.predict(part, [size * step for step in NEAR_SCALES], least_score=LEAST_VOTES)
-        moved = Box(box.x - x, box.y - y, box.w, box.h)
         return max((one.score for one in found if one.box.iou(moved) >= SAME_PLACE), default=0.0)
 
     def _by_half(self, picture: Picture, box: Box, votes: float) -> Detection:

@@ -14,6 +14,7 @@ import numpy as np
 
 from robot.messages import Box, Image
 from robot.vision.ferns import FernDetector, FernSettings, HoughDetection, Sample
+from robot.vision.windows import with_surroundings
 
 LABEL = "target"
 OCTAVE_STEPS = (2.0**-0.25, 1.0, 2.0**0.25)
@@ -62,7 +63,8 @@ class TargetMemory:
         """The memory after a look that surely shows the target in the box, and the rivals elsewhere."""
         own, rivals = _told_apart(_found(self.detector, image, box), box)
         highest = max((one.score for one in rivals), default=0.0)
-        hardest = [part for one in rivals[:HARDEST] if (part := _part(image, one.box)) is not None]
+        parts = [with_surroundings(image, one.box, 0.0) for one in rivals[:HARDEST]]
+        hardest = [part[0] for part in parts if part is not None]
         return TargetMemory(
             self.detector.partial_fit([Sample(image, box, LABEL)], hardest, seed=seed),
             self.own + SHARE * (own - self.own),
@@ -71,15 +73,10 @@ class TargetMemory:
 
     def holds(self, image: Image, box: Box) -> bool:
         """Whether what is in the box still looks more like the target than its rivals do."""
-        beside = Box(
-            box.x - ABOUT * box.w, box.y - ABOUT * box.h, (1 + 2 * ABOUT) * box.w, (1 + 2 * ABOUT) * box.h
-        )
-        part = _part(image, beside)
-        if part is None:
+        near = with_surroundings(image, box, ABOUT)
+        if near is None:
             return False
-        corner = max(int(beside.x), 0), max(int(beside.y), 0)
-        moved = Box(box.x - corner[0], box.y - corner[1], box.w, box.h)
-        own, _ = _told_apart(_found(self.detector, part, moved), moved)
+        own, _ = _told_apart(_found(self.detector, *near), near[1])
         return own >= self._height(HOLDS)
 
     def proposals(self, image: Image, box: Box) -> list[tuple[Box, float]]:
@@ -104,13 +101,6 @@ def _told_apart(found: Sequence[HoughDetection], box: Box) -> tuple[float, list[
     """The score of what is in the box, 0 if nothing is, and what is elsewhere, best first."""
     own = max((one.score for one in found if one.box.iou(box) > SAME), default=0.0)
     return own, [one for one in found if one.box.iou(box) < OTHER]
-
-
-def _part(image: Image, box: Box) -> Image | None:
-    inside = box.clipped(image.shape[1], image.shape[0])
-    x, y = int(inside.x), int(inside.y)
-    part = image[y : int(inside.y + inside.h), x : int(inside.x + inside.w)]
-    return np.ascontiguousarray(part) if min(part.shape[:2]) >= LEAST_STRIP_PX // 2 else None
 
 
 def _strips_beside(image: Image, box: Box) -> list[Image]:

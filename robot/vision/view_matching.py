@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 
 from robot.messages import Box, Detection, Image
 from robot.vision.colour import LAYOUT_LENGTH, ColourSums, layout_similarity
+from robot.vision.named_arrays import below
+from robot.vision.picture_patch import coloured
 from robot.vision.viewspace import ViewSpace
 from robot.vision.windows import Floats, grey_of, windows_near
 
@@ -101,8 +103,9 @@ class Picture(NamedTuple):
 
     @classmethod
     def of(cls, image: Image) -> Picture:
-        """Of a BGR uint8 image (H, W, 3)."""
-        return cls(grey_of(image), ColourSums(image))
+        """Of a BGR or grey uint8 image (H, W[, 3]); raises ValueError for any other (`picture_patch`)."""
+        colours = coloured(image)
+        return cls(grey_of(colours), ColourSums(colours))
 
 
 def best_near(
@@ -152,12 +155,3 @@ def box_from(edges: NDArray[np.float64]) -> Box:
     """A box from an array x, y, w, h."""
     x, y, width, height = (float(edge) for edge in edges)
     return Box(x, y, width, height)
-
-
-def below(prefix: str, arrays: Mapping[str, NDArray[np.generic]]) -> dict[str, NDArray[np.generic]]:
-    """Those arrays whose keys begin with a prefix, without it.
-
-    >>> sorted(below("a.", {"a.x": np.zeros(1), "a.y": np.zeros(1), "b.x": np.zeros(1)}))
-    ['x', 'y']
-    """
-    return {key.removeprefix(prefix): value for key, value in arrays.items() if key.startswith(prefix)}

@@ -15,6 +15,10 @@ from robot.messages import Box
 Floats = NDArray[np.float32]
 
 
+LEAST_PART_PX = 8
+"""Of a picture in which something can be looked for."""
+
+
 class WindowStack(NamedTuple):
     """Windows cut about one place: pixels (k, n) float32, row by row; boxes (k, 4), x, y, w, h."""
 
@@ -40,6 +44,32 @@ def crop(image: NDArray[np.uint8] | Floats, x: int, y: int, width: int, height: 
         framed = cv2.copyMakeBorder(inside, top, bottom, left, right, cv2.BORDER_REPLICATE)
         inside = np.asarray(framed, np.float32)
     return np.asarray(inside[:height, :width], np.float32)
+
+
+def cut_out(image: NDArray[np.uint8], box: Box) -> NDArray[np.uint8]:
+    """What is in a box, as far as the picture goes, at whole pixels: (h, w[, 3]) uint8, at least a pixel."""
+    inside = box.clipped(image.shape[1], image.shape[0])
+    x0, y0 = math.floor(inside.x + 0.5), math.floor(inside.y + 0.5)
+    x1, y1 = math.floor(inside.x + inside.w + 0.5), math.floor(inside.y + inside.h + 0.5)
+    return image[y0 : max(y1, y0 + 1), x0 : max(x1, x0 + 1)]
+
+
+def with_surroundings(
+    image: NDArray[np.uint8], box: Box, share: float
+) -> tuple[NDArray[np.uint8], Box] | None:
+    """A box with so much of its edges around it, and the box in that part; None if less than 8 px are inside.
+
+    >>> part, moved = with_surroundings(np.zeros((50, 60), np.uint8), Box(10, 20, 20, 10), 0.5)
+    >>> part.shape, (moved.x, moved.y)
+    ((20, 40), (10, 5))
+    """
+    beside = Box(
+        box.x - share * box.w, box.y - share * box.h, (1 + 2 * share) * box.w, (1 + 2 * share) * box.h
+    )
+    inside = beside.clipped(image.shape[1], image.shape[0])
+    x, y = int(inside.x), int(inside.y)
+    part = np.ascontiguousarray(image[y : int(inside.y + inside.h), x : int(inside.x + inside.w)])
+    return (part, Box(box.x - x, box.y - y, box.w, box.h)) if min(part.shape[:2]) >= LEAST_PART_PX else None
 
 
 def resize(image: NDArray[np.uint8] | Floats, size: tuple[int, int]) -> Floats:

@@ -50,7 +50,7 @@ def test_the_half_that_shows_tells_the_whole_place(taught: Recognizer, hidden: s
     told = best_half(Picture.of(scene(hidden)), rough, shapes(taught))
     assert told.box.iou(PLACE) > 0.75
     assert min(told.correlation, told.colour) > 0.85
-    whole = taught.locate(scene(hidden), PLACE).evidence
+    whole = taught.locate(Picture.of(scene(hidden)), PLACE).evidence
     assert whole.correlation < 0.8, "a whole view does not fit there"
 
 

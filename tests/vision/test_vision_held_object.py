@@ -69,9 +69,23 @@ def test_what_cannot_be_told_is_refused_with_the_cure(blocks: tuple[Block, ...],
     assert ": hold" in found.words
 
 
-def test_a_small_thing_is_to_come_nearer() -> None:
-    found = seen(Block(0.6, 0, 0.01, 0.035, 0.262, 0.235, seed=3))[1]
+def flat(*places: tuple[slice, slice], metres: float = 0.5) -> Disparity:
+    """A wall 2 m away and square things before it, all measured without error."""
+    depth = np.full((288, 352), 2.0, np.float32)
+    for place in places:
+        depth[place] = metres
+    values = (RIG.left.fx * RIG.baseline / depth).astype(np.float32)
+    return Disparity(values, values > 0, np.full_like(values, 0.1))
+
+
+def test_two_small_things_are_to_come_nearer() -> None:
+    small = [np.s_[120:146, x : x + 26] for x in (100, 220)]
+    found = held_object(flat(*small), RIG)
     assert isinstance(found, NotHeld)
+    assert "too small: hold it nearer" in found.words
+    alone = held_object(flat(np.s_[120:200, 140:210]), RIG)
+    assert isinstance(alone, HeldObject)
+    assert alone.depth_m == pytest.approx(0.5)
 
 
 def test_where_nothing_is_measured_nothing_is_held() -> None:

@@ -92,6 +92,34 @@ def test_plain_pictures_hold_nothing(finder: TargetFinder, value: int) -> None:
     assert finder.predict(np.full((288, 352, 3), value, np.uint8)) == []
 
 
+@pytest.mark.parametrize(
+    ("image", "words"),
+    [
+        (np.zeros((288, 352, 3), np.uint16), "uint8"),
+        (np.zeros((288, 352, 3)), "uint8"),
+        (np.zeros((288, 352, 4), np.uint8), "BGR"),
+        (np.zeros((0, 352, 3), np.uint8), "with pixels"),
+    ],
+    ids=["16 bit", "float", "alpha", "empty"],
+)
+def test_what_is_no_picture_is_refused_in_words(finder: TargetFinder, image: np.ndarray, words: str) -> None:
+    for who in (finder, finder.recognizer, finder.ferns):
+        with pytest.raises(ValueError, match=words):
+            who.predict(image)
+    with pytest.raises(ValueError, match=words):
+        finder.refine(image, WIDE)
+
+
+def test_grey_tiny_and_huge_pictures_are_looked_at(finder: TargetFinder) -> None:
+    place = Box(90, 60, 75, 100)
+    grey = cv2.cvtColor(put(room(1), printed(1), place), cv2.COLOR_BGR2GRAY)
+    assert all(one.box.iou(place) > 0.5 for one in finder.predict(grey)), "nothing or the target"
+    assert finder.predict(np.zeros((3, 4, 3), np.uint8)) == []
+    huge = cv2.resize(room(1), (1760, 1440))
+    huge[700:800, 900:975] = printed(1)
+    assert finder.predict(huge)[0].box.iou(Box(900, 700, 75, 100)) > 0.5
+
+
 def test_cross_validation_tells_what_is_found(taught: Taught) -> None:
     told = taught.validation
     assert told.recall > 0.85

@@ -37,15 +37,15 @@ def pairs() -> list[Pair]:
 class Eyes:
     """Pairs at ten a second of a clock that `pause` moves on; the last one stays."""
 
-    def __init__(self, pairs: list[Pair]) -> None:
-        self.pairs, self.time = pairs, 0.0
+    def __init__(self, pairs: list[Pair], pauses: int = 1000) -> None:
+        self.pairs, self.time, self.pauses = pairs, 0.0, pauses
 
     def now(self) -> float:
         return self.time
 
     def pause(self) -> bool:
-        self.time = round(self.time + 0.05, 9)
-        return True
+        self.time, self.pauses = round(self.time + 0.05, 9), self.pauses - 1
+        return self.pauses >= 0
 
     def latest(self, now: float) -> StereoFrame:
         seq = min(int(now / BETWEEN_S / 1.02), len(self.pairs) - 1)
@@ -58,12 +58,9 @@ class Eyes:
         pass
 
 
-def sitting(eyes: Eyes, **limits: float):
+def sitting(eyes: Eyes, limits: Sitting = Sitting()):
     said: list[str] = []
-    views = list(
-        views_from_camera(eyes, RIG, MATCHER, eyes, eyes.pause, said.append, Sitting(**limits))  # type: ignore[arg-type]
-    )
-    return views, said
+    return list(views_from_camera(eyes, RIG, MATCHER, eyes, eyes.pause, said.append, limits)), said
 
 
 def test_views_with_masks_and_depths_are_kept_while_it_is_held(pairs: list[Pair]) -> None:
@@ -83,16 +80,15 @@ def test_what_hinders_is_said_once(pairs: list[Pair]) -> None:
     assert [words.startswith("nothing is held") for words in said] == [False, True, True]
 
 
-@pytest.mark.parametrize(("limits", "count"), [({"views": 2}, 2), ({"seconds": 0.5}, 2)])
-def test_a_sitting_ends(pairs: list[Pair], limits: dict[str, float], count: int) -> None:
-    views, _ = sitting(Eyes(pairs[:6]), **limits)
+@pytest.mark.parametrize(("limits", "count"), [(Sitting(views=2), 2), (Sitting(seconds=0.5), 2)])
+def test_a_sitting_ends(pairs: list[Pair], limits: Sitting, count: int) -> None:
+    views, _ = sitting(Eyes(pairs[:6]), limits)
     assert len(views) == count
 
 
 def test_it_ends_when_told_to(pairs: list[Pair]) -> None:
-    eyes = Eyes(pairs)
-    eyes.pause = lambda: False  # type: ignore[method-assign]
-    assert len(sitting(eyes)[0]) == 1
+    eyes = Eyes(pairs, pauses=1)
+    assert len(sitting(eyes)[0]) == 1, "the second pause is not waited for"
 
 
 def test_a_target_is_taught_before_the_robots_own_cameras(
