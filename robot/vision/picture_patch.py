@@ -23,7 +23,7 @@ def bgr_of(image: Image) -> Image:
 
 
 def checked(image: Image) -> Image:
-    """The picture itself. Raises ValueError if it is empty, not uint8, or neither grey nor BGR (H, W[, 3])."""
+    """The picture itself. Raises ValueError if it is empty, not uint8, or neither grey nor BGR."""
     if image.dtype != np.uint8:
         raise ValueError(f"a uint8 picture is needed, got {image.dtype}: scale it to 0..255 first")
     if image.ndim not in (2, 3) or (image.ndim == 3 and image.shape[2] != 3):

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import cv2
 import pytest
 from click.testing import CliRunner
+from rendered_pairs import RIG, Block, Pair, Room, render
 
 from robot.cli import commands
 from robot.messages import StereoFrame
 from robot.model_file import load
 from robot.teach_camera import BETWEEN_S, STILL_S, Sitting, views_from_camera
 from robot.vision.stereo import AdaptiveWeightMatcher
-
-sys.path.insert(0, str(Path(__file__).parent / "vision"))
-
-from rendered_pairs import RIG, Block, Pair, Room, render
 
 MATCHER = AdaptiveWeightMatcher.floors(96)
 
@@ -58,7 +54,10 @@ class Eyes:
         pass
 
 
-def sitting(eyes: Eyes, limits: Sitting = Sitting()):
+LONG = Sitting()
+
+
+def sitting(eyes: Eyes, limits: Sitting = LONG):
     said: list[str] = []
     return list(views_from_camera(eyes, RIG, MATCHER, eyes, eyes.pause, said.append, limits)), said
 
