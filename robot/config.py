@@ -171,10 +171,10 @@ class Vision(Struct, frozen=True, forbid_unknown_fields=True):
     method: Annotated[
         str,
         _doc(
-            "how it is looked for: ferns propose and NMF confirms (half hidden too), or NMF alone",
-            pattern="^(ferns-nmf|nmf)$",
+            "how it is looked for: all of windows, ferns and NMF (half hidden too), or NMF alone",
+            pattern="^(all|nmf)$",
         ),
-    ] = "ferns-nmf"
+    ] = "all"
     disparities: Annotated[
         int, _doc("searched disparities, a multiple of 16", ge=16, le=512, multiple_of=16)
     ] = 64
@@ -196,7 +196,7 @@ class Vision(Struct, frozen=True, forbid_unknown_fields=True):
         default_factory=lambda: Stage(rate_hz=1.0, cost_s=0.025)
     )
     recognize: Annotated[Stage, _doc("looking for the target in the whole picture")] = field(
-        default_factory=lambda: Stage(rate_hz=5.0, cost_s=0.07)
+        default_factory=lambda: Stage(rate_hz=5.0, cost_s=0.09)
     )
 
 

@@ -1,4 +1,4 @@
-"""The file a taught target lives in: ferns and NMF views, name, preview and where it came from.
+"""The file a taught target lives in: windows, ferns and NMF views, name, preview and where it came from.
 
 Layout: the 8 bytes `ROBOTMDL`, the format's version (2 bytes), length of the header (4 bytes), SHA-256 of
 everything behind it (32 bytes), a JSON header, then the arrays and the preview one after the other. All
@@ -25,7 +25,7 @@ from robot.errors import UserError
 from robot.vision.recognizer import Recognizer
 from robot.vision.target_finder import TargetFinder
 
-VERSION = 2
+VERSION = 3
 NMF_ALONE = "nmf"
 _MAGIC = b"ROBOTMDL"
 _HEAD = struct.Struct("<8sHI32s")

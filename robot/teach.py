@@ -19,8 +19,9 @@ from robot.model_file import Model
 from robot.teach_sheet import THUMBNAIL, contact_sheet, png, thumbnail
 from robot.teach_views import BLURRED, Progress, View, choose, view_of
 from robot.vision import finder_training
-from robot.vision.finder_training import Validation
+from robot.vision.finder_training import LESSON, Validation
 from robot.vision.textures import texture
+from robot.vision.window_training import TrainingPlan
 
 FEWEST_VIEWS = 8
 _BACKGROUNDS = 48
@@ -59,12 +60,13 @@ def teach(
     *,
     focal_px: float | None = None,
     created_from: str = "",
+    lesson: TrainingPlan = LESSON,
 ) -> Lesson:
     """Learn a target called `name` from views of it.
 
     progress(count, words) is told about every view looked at and about each later stage. focal_px: focal
-    length of the camera; with it and the views' depths the model knows the object's height. The same
-    views and seed give the same model.
+    length of the camera; with it and the views' depths the model knows the object's height. lesson: how much
+    the windows learn from. The same views and seed give the same model.
 
     Raises UserError when fewer than 8 distinct, sharp views of at least 24 px are left, naming how many
     were refused for which reason.
@@ -82,7 +84,7 @@ def teach(
     tell(len(crops), "learning")
     negatives = background_regions(chosen.views, seed) + drawn_negatives(seed)
     looks = [finder_training.View(view.image_bgr, view.box, view.mask) for view in chosen.views]
-    taught = finder_training.fit(looks, negatives, name, seed)
+    taught = finder_training.fit(looks, negatives, name, seed, lesson=lesson)
     preview = png(thumbnail(max(crops, key=lambda crop: crop.size), 2 * THUMBNAIL))
     model = Model(
         name, taught.finder, len(crops), object_height(chosen.views, focal_px), created_from, preview

@@ -15,6 +15,9 @@ from robot.messages import Box
 from robot.model_file import Model, from_bytes, load, save, to_bytes
 from robot.vision.finder_training import View, fit
 from robot.vision.textures import texture
+from robot.vision.window_training import TrainingPlan
+
+SHORT = TrainingPlan(30.0, places=300, drawn=3, rounds=1)
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +26,7 @@ def model() -> Model:
     views = [cv2.convertScaleAbs(side[k:], alpha=1 - 0.05 * k) for k in range(8)]
     looks = [View(view, Box(0, 0, view.shape[1], view.shape[0])) for view in views]
     walls = [texture((240, 200), np.random.default_rng(seed)) for seed in (5, 6, 7)]
-    taught = fit(looks, walls, "Tasse ä", seed=0)
+    taught = fit(looks, walls, "Tasse ä", seed=0, lesson=SHORT)
     return Model("Tasse ä", taught.finder, 8, 0.14, "8 pictures in cups/", b"\x89PNG preview")
 
 

@@ -16,6 +16,7 @@ from robot import model_file
 from robot.messages import Box
 from robot.model_file import Model
 from robot.vision.finder_training import View, fit
+from robot.vision.window_training import TrainingPlan
 
 ROOT = Path(__file__).parents[1]
 
@@ -75,7 +76,7 @@ class Machine:
         wall = cv2.resize(rng.integers(90, 160, (9, 12, 3), np.uint8), (352, 288))
         views = [cv2.convertScaleAbs(poster, alpha=gain) for gain in (0.5, 0.6, 0.7, 0.8, 0.9, 1.0)]
         looks = [View(picture, Box(0, 0, 60, 80)) for picture in views]
-        taught = fit(looks, [wall], "poster", seed=0).finder
+        taught = fit(looks, [wall], "poster", seed=0, lesson=TrainingPlan(30.0, 300, 3, rounds=1)).finder
         model_file.save(self.folder / "poster.model", Model("poster", taught, len(views)))
         return self.write("robot.toml", f'[vision]\nmodel = "poster.model"\n{table}')
 

@@ -16,6 +16,7 @@ from robot.teach_sources import views_from_folder, views_from_video
 from robot.teach_views import BLURRED, TeachingView, fault_of, sharpness, view_of
 from robot.vision.finder_training import Validation
 from robot.vision.textures import texture
+from robot.vision.window_training import TrainingPlan
 from robot.vision.windows import grey_of
 
 
@@ -24,6 +25,10 @@ def printed(seed: int) -> Image:
     fields = np.random.default_rng(seed).integers(0, 256, (5, 4, 3), np.uint8)
     return cv2.resize(fields, (150, 200), interpolation=cv2.INTER_NEAREST)
 
+
+SHORT = TrainingPlan(30.0, places=2400, drawn=9)
+SHORTEST = TrainingPlan(30.0, places=300, drawn=3, rounds=1)
+"""Lessons of which less is asked than of one for the robot, and nothing."""
 
 SIDES = [printed(50 + k) for k in range(3)]
 
@@ -58,7 +63,7 @@ def blurred(v: TeachingView) -> TeachingView:
 @pytest.fixture(scope="module")
 def lesson():
     views = [view(k, depth=305 * 0.22 / (60, 90, 130)[k % 3]) for k in range(30)]
-    return teach(views, "box", seed=0, focal_px=305.0, created_from="30 views")
+    return teach(views, "box", seed=0, focal_px=305.0, created_from="30 views", lesson=SHORT)
 
 
 def test_the_taught_model_finds_its_target_and_nothing_else(lesson) -> None:
@@ -113,7 +118,7 @@ def test_every_refused_view_is_counted_with_its_reason() -> None:
     tiny = TeachingView(good[0].image_bgr, Box(60, 60, 20, 60))
     told: list[tuple[int, str]] = []
     views = [*good, good[3], good[4], blurred(good[2]), edge, flat, tiny]
-    lesson = teach(views, "x", 0, lambda n, words: told.append((n, words)))
+    lesson = teach(views, "x", 0, lambda n, words: told.append((n, words)), lesson=SHORTEST)
     assert lesson.used == 9
     assert sum(lesson.refused.values()) == 6
     counts = {why.split()[0]: number for why, number in lesson.refused.items()}
@@ -140,7 +145,7 @@ def test_unfit_names_are_refused(name: str) -> None:
 
 def test_one_size_one_light_and_few_views_are_warned_about() -> None:
     whole = [TeachingView(view(k, 100).image_bgr, view(k, 100).box) for k in range(0, 15)]
-    warnings = " ".join(teach(whole, "x", 0).warnings)
+    warnings = " ".join(teach(whole, "x", 0, lesson=SHORTEST).warnings)
     assert "same distance" in warnings
     assert "only 15 views" in warnings
 
@@ -161,7 +166,9 @@ def test_noise_does_not_pass_for_sharpness() -> None:
 
 
 def test_the_same_views_and_seed_give_the_same_model() -> None:
-    first, second = (teach([view(k) for k in range(9)], "x", 4).model.finder.arrays() for _ in range(2))
+    first, second = (
+        teach([view(k) for k in range(9)], "x", 4, lesson=SHORTEST).model.finder.arrays() for _ in range(2)
+    )
     assert all(first[key].tobytes() == second[key].tobytes() for key in first)
     assert np.array_equal(drawn_negatives(1, 2)[1], drawn_negatives(1, 2)[1])
     assert not np.array_equal(drawn_negatives(1, 2)[1], drawn_negatives(2, 2)[1])

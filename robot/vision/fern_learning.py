@@ -13,29 +13,16 @@ from numpy.typing import NDArray
 from robot.messages import Box, Image
 from robot.vision.fern_features import Ferns, channels
 from robot.vision.hough import CELL_STEPS, MOST_VOTES, Codebook
+from robot.vision.view_warps import Mask, Place, ViewWarps
 
 Floats = NDArray[np.float32]
-Mask = NDArray[np.bool_]
 
 MARGIN_PX = 8
 """Seen around an object at reference size: tests reach beyond its rim."""
-TURN, STRETCH, SHIFT_PX = math.radians(6.0), 0.08, 1.5
-"""Warps of a view: standard deviations of turn and of the logarithm of its size; of its place, px."""
 PRIOR = 1.0
 """Places each leaf is thought to have met beforehand on either side: a single one proves little."""
 LEAST_POSTERIOR = 0.3
 """Below this a leaf does not vote: it tells of the background."""
-INSIDE = 0.5
-"""A pixel of a warped view belongs to the object if so much of it does."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Place:
-    """A view at reference size: grey (H, W) uint8, middle (x, y) of the object in it, mask (H, W) of it."""
-
-    image: Image
-    middle: tuple[float, float]
-    mask: Mask
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -155,54 +142,13 @@ def places_of(
     Raises:
         ValueError: the box lies outside the image, or is smaller than 4 px.
     """
-    inside = box.clipped(image.shape[1], image.shape[0])
-    if min(inside.w, inside.h) < 4.0:
-        raise ValueError(f"a sample's box must show at least 4 px of its image, got {box}")
-    shrink = reference_px / max(box.w, box.h)
+    shrink = reference_px / max(box.w, box.h, 1.0)
     size = math.ceil(box.w * shrink) + 2 * MARGIN_PX, math.ceil(box.h * shrink) + 2 * MARGIN_PX
-    own = _rectangle(image.shape[:2], inside) if mask is None else mask
-    shown = np.ones(image.shape[:2], np.bool_) if mask is None else mask
-    soft = _soft(_grey(image), shrink)
-    found = []
-    for warp in range(warps + 1):
-        turn, grow = (rng.normal(0.0, TURN), math.exp(rng.normal(0.0, STRETCH))) if warp else (0.0, 1.0)
-        x, y = np.array(size) / 2 - 0.5 + (rng.normal(0.0, SHIFT_PX, 2) if warp else 0.0)
-        c, s = shrink * grow * math.cos(turn), shrink * grow * math.sin(turn)
-        u, v = box.x + box.w / 2 - 0.5, box.y + box.h / 2 - 0.5
-        to_place = np.array([[c, -s, x - c * u + s * v], [s, c, y - s * u - c * v]])
-        view, share, belongs = (
-            cv2.warpAffine(plane, to_place, size, flags=cv2.INTER_LINEAR, borderMode=border)
-            for plane, border in (
-                (soft.astype(np.float32), cv2.BORDER_REPLICATE),
-                (shown.astype(np.float32), cv2.BORDER_CONSTANT),
-                (own.astype(np.float32), cv2.BORDER_CONSTANT),
-            )
-        )
-        behind = _background(backgrounds, size, rng) if backgrounds else view
-        mixed = np.rint(share * view + (1.0 - share) * behind)
-        found.append(Place(np.asarray(mixed, np.uint8), (float(x), float(y)), belongs > INSIDE))
+    warped = ViewWarps(image, box, mask, shrink, size)
+    found = [warped.place(warped.straight(), backgrounds, rng)]
+    for _ in range(warps):
+        found.append(warped.place(warped.drawn(rng), backgrounds, rng))
     return found
-
-
-def _rectangle(shape: tuple[int, ...], box: Box) -> Mask:
-    found = np.zeros(shape, np.bool_)
-    found[round(box.y) : round(box.y + box.h), round(box.x) : round(box.x + box.w)] = True
-    return found
-
-
-def _background(images: Sequence[Image], size: tuple[int, int], rng: np.random.Generator) -> Floats:
-    """A cut of one of the images, (height, width) of `size`, at a scale between whole and own."""
-    image = _grey(images[int(rng.integers(len(images)))])
-    least = max(size[0] / image.shape[1], size[1] / image.shape[0])
-    shrink = max(least, math.exp(rng.uniform(math.log(min(least, 1.0)), 0.0)))
-    wide = max(round(image.shape[1] * shrink), size[0]), max(round(image.shape[0] * shrink), size[1])
-    scaled = cv2.resize(image, wide, interpolation=cv2.INTER_AREA if shrink < 1.0 else cv2.INTER_LINEAR)
-    x, y = (int(rng.integers(whole - part + 1)) for whole, part in zip(wide, size, strict=True))
-    return np.asarray(scaled[y : y + size[1], x : x + size[0]], np.float32)
-
-
-def _grey(image: Image) -> Image:
-    return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
 
 
 def places_without(image: Image, reference_px: int, rng: np.random.Generator) -> Iterator[Image]:
@@ -214,8 +160,3 @@ def places_without(image: Image, reference_px: int, rng: np.random.Generator) ->
         yield np.asarray(
             cv2.resize(image, None, fx=shrink, fy=shrink, interpolation=cv2.INTER_AREA), np.uint8
         )
-
-
-def _soft(image: Image, shrink: float) -> Image:
-    sigma = 0.4 / shrink
-    return np.asarray(cv2.GaussianBlur(image, (0, 0), sigma), np.uint8) if sigma > 0.5 else image

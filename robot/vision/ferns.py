@@ -18,11 +18,12 @@ from numpy.typing import NDArray
 
 from robot.messages import Box, Image
 from robot.vision.fern_features import Ferns, Leaves, channels
-from robot.vision.fern_learning import Experience, Place, places_of, places_without
+from robot.vision.fern_learning import Experience, places_of, places_without
 from robot.vision.hough import Codebook, Voters, peak_of, smoothed
 from robot.vision.mean_shift import Peak, peaks
 from robot.vision.named_arrays import below
 from robot.vision.picture_patch import checked
+from robot.vision.view_warps import Place
 
 Floats = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -220,6 +221,18 @@ class FernDetector:
             to_picture = np.array([[scale, 0.0, 0.0], [0.0, scale, 0.0]])
             best = np.maximum(best, cv2.warpAffine(inner, to_picture, (image.shape[1], image.shape[0])))
         return np.asarray(best, np.float32)
+
+    def support(self, image: Image, label: str, box: Box) -> Mask:
+        """Pixels (H, W) that vote for an object whose box is known, wherever it was found.
+
+        Raises KeyError for a label not learnt, ValueError for an empty box.
+        """
+        known = self.classes[label]
+        if min(box.w, box.h) <= 0.0:
+            raise ValueError(f"nothing can vote for an empty box: {box}")
+        scale = math.sqrt(box.area / (known.extent[0] * known.extent[1]))
+        spot = Peak(*box.centre, scale, 1.0)
+        return self._voters(spot, self._levels(image, [scale]), known).support(image.shape[:2])
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
         """Everything learnt as plain arrays, keyed 'settings', 'background', 'tests.first', '0.met', ...

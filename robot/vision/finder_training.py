@@ -1,8 +1,8 @@
-"""How a target finder learns: ferns and NMF views of the target, two judges from evidence kept apart.
+"""How a target finder learns: windows, ferns, NMF views, and two judges from evidence kept apart.
 
-Views and pictures without the target are split in three; each third is judged by ferns and views taught with
-the other two. So a judge meets the target as it will be met later: sides not seen before, before backgrounds
-not seen before, whole and half hidden, against what the ferns take for it elsewhere, and whole against
+Views and pictures without the target are split in three; each third is judged by a finder taught with the
+other two. So a judge meets the target as it will be met later: sides not seen before, before backgrounds
+not seen before, whole and half hidden, against what is taken for it elsewhere, and whole against
 look-alikes. Halves are not: half of a print with other colours or turned upside down often is the target's.
 """
 
@@ -31,12 +31,17 @@ from robot.vision.recognizer_training import (
 )
 from robot.vision.target_finder import TargetFinder
 from robot.vision.view_matching import Evidence, Picture
+from robot.vision.window_detector import WindowDetector
+from robot.vision.window_training import TaughtView, TrainingPlan
 from robot.vision.windows import Floats, cut_out
 
 Mask = NDArray[np.bool_]
 
 FERNS = FernSettings(reference_px=32)
 """Targets are looked for from 18 px on: ferns of a larger reference would look at enlarged pictures."""
+LESSON = TrainingPlan(reference_px=30.0, places=6000)
+"""What the windows learn: small, as targets far away are; in cross-validation a third of it, as they only
+propose there."""
 HALF_MARGIN = 0.4
 """Of the way from the worst negatives to the median half: there are more halves than wholes to go wrong."""
 SCENES = 2
@@ -108,49 +113,63 @@ class Fold:
     negatives: tuple[Image, ...]
 
 
-def fit(views: Sequence[View], negatives: Sequence[Image], label: str, seed: int) -> Taught:
+def fit(
+    views: Sequence[View],
+    negatives: Sequence[Image],
+    label: str,
+    seed: int,
+    *,
+    lesson: TrainingPlan = LESSON,
+) -> Taught:
     """Learn a target from its views, with everything random drawn from `seed`.
 
     views: at least 4. negatives: BGR uint8 pictures without the target (64 px or more along each edge;
-    smaller ones are ignored), at least one. Raises ValueError for too few of either, FlatViewError for a view
-    without contrast.
+    smaller ones are ignored), at least one. lesson: how much the windows learn from. Raises ValueError for
+    too few of either, FlatViewError for a view without contrast.
     """
     usable = large_enough(negatives)
     if not usable:
         raise ValueError("needs a picture of at least 64 x 64 px without the target")
     rng = np.random.default_rng(seed)
-    folded = list(folds(views, usable, label, seed))
+    folded = list(folds(views, usable, label, seed, lesson))
     evidences = [evidences_of(fold, rng) for fold in folded]
-    finder = _taught(views, usable, label, seed)
+    finder = _taught(views, usable, label, seed, lesson)
     return Taught(judged(finder, evidences), validated(folded, evidences, rng))
 
 
-def folds(views: Sequence[View], negatives: Sequence[Image], label: str, seed: int) -> Iterator[Fold]:
+def folds(
+    views: Sequence[View], negatives: Sequence[Image], label: str, seed: int, lesson: TrainingPlan
+) -> Iterator[Fold]:
     """Three finders without judges, each taught without a third of the views and of the negatives.
 
     Thirds are drawn at random: views often come in turns, and every third might be of one side.
     """
     rng = np.random.default_rng([seed, 3])
+    third = replace(lesson, places=lesson.places // 3, drawn=lesson.drawn // 3, rounds=min(lesson.rounds, 2))
     mixed = [views[int(i)] for i in rng.permutation(len(views))]
     others = [negatives[int(i)] for i in rng.permutation(len(negatives))]
     for fold in range(FOLDS):
         known = [view for i, view in enumerate(mixed) if i % FOLDS != fold]
         without = [picture for i, picture in enumerate(others) if i % FOLDS != fold] or others
-        finder = _taught(known, without, label, seed)
+        finder = _taught(known, without, label, seed, third)
         yield Fold(finder, tuple(mixed[fold::FOLDS]), tuple(others[fold::FOLDS] or others))
 
 
-def _taught(views: Sequence[View], negatives: Sequence[Image], label: str, seed: int) -> TargetFinder:
+def _taught(
+    views: Sequence[View], negatives: Sequence[Image], label: str, seed: int, plan: TrainingPlan
+) -> TargetFinder:
     recognizer = unjudged([view.crop for view in views], label, seed)
     samples = [Sample(view.image, view.box, label, view.mask) for view in views]
     ferns = FernDetector.fit(samples, negatives, settings=FERNS, seed=seed)
+    shown = [TaughtView(view.image, view.box, view.mask) for view in views]
+    windows = WindowDetector.fit(shown, negatives, seed=seed, plan=plan)
     rare = tuple(np.zeros((len(group.layouts), 4), np.float32) for group in recognizer.groups)
-    finder = TargetFinder(recognizer, ferns, rare, UNJUDGED)
+    finder = TargetFinder(recognizer, windows, ferns, rare, UNJUDGED)
     return replace(finder, common=_common(finder, negatives))
 
 
 def _common(finder: TargetFinder, negatives: Sequence[Image]) -> tuple[Floats, ...]:
-    """How common each half of each view is where the ferns see something in pictures without the target."""
+    """How common each half of each view is at what is taken for the target in pictures without it."""
     chosen = np.linspace(0, len(negatives) - 1, min(COMMON_PICTURES, len(negatives)))
     places = []
     for image in (negatives[int(i)] for i in chosen):
@@ -223,7 +242,7 @@ def evidences_of(fold: Fold, rng: np.random.Generator) -> Evidences:
         for one in finder.proposals(image, HEIGHTS_PX):
             found.against_whole.append(finder.recognizer.locate(picture, one.box).evidence)
             half = best_half(picture, one.box, finder.halves())
-            found.against_half.append((half.merit, half.colour, one.score))
+            found.against_half.append((half.merit, half.colour, finder.votes(image, one.box)))
     return found
 
 

@@ -26,16 +26,17 @@ UNSIGNED = 9
 """Directions within half a turn; twice as many within a whole one."""
 CHANNELS = 3 * UNSIGNED
 FAINT = 0.1
-"""Squared mean gradient (grey levels / 2 px) up to which a cell counts as bare."""
+"""Squared mean gradient (grey levels / 2 px) up to which a cell counts as bare, unless said otherwise."""
 MOST = 0.4
 """One strong edge is no more than this."""
 
 
-def gradient_histograms(grey: Image) -> Floats:
+def gradient_histograms(grey: Image, faint: float = FAINT) -> Floats:
     """(CHANNELS, H / CELL_PX, W / CELL_PX) float32 in 0 .. `MOST`: signed directions first, then unsigned.
 
     Args:
         grey: (H, W) uint8, both multiples of `CELL_PX`.
+        faint: squared mean gradient up to which a cell counts as bare.
 
     >>> stripes = np.tile(np.repeat(np.array([50, 200], np.uint8), 4), (16, 2))
     >>> found = gradient_histograms(stripes)
@@ -58,7 +59,7 @@ def gradient_histograms(grey: Image) -> Floats:
     energy = np.square(unsigned).sum(axis=0).reshape(rows, columns)
     about = cv2.blur(energy, (3, 3), borderType=cv2.BORDER_REFLECT)
     found = np.concatenate([signed, unsigned]).reshape(CHANNELS, rows, columns)
-    found /= np.sqrt(about + FAINT)
+    found /= np.sqrt(about + np.float32(faint))
     return np.asarray(np.minimum(found, np.float32(MOST)), np.float32)
 
 

@@ -1,8 +1,8 @@
-"""Finding one taught target: ferns propose places, NMF views confirm them, whole or by a half.
+"""Finding one taught target: a window net proposes places, NMF views and ferns confirm them.
 
-Ferns vote with every small part that shows, so they point at a target of which half is hidden; what they
-point at is held against the taught views (`Recognizer`), and where a whole view does not fit, half of one
-(`robot.vision.half_views`). `robot.vision.finder_training` fits it. Methods 1 and 8 in one.
+What looks like the target as a whole, or as a target of which a side is hidden (`WindowDetector`), is held
+against the taught views (`Recognizer`); where a whole view does not fit, half of one (`half_views`), with
+what the ferns vote for the place. `robot.vision.finder_training` fits it. Methods 1 and 8 in one.
 """
 
 from __future__ import annotations
@@ -14,25 +14,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot.messages import Box, Detection, Image
-from robot.vision.ferns import FernDetector, HoughDetection
+from robot.vision.ferns import FernDetector
 from robot.vision.half_views import HalfViews, best_half
 from robot.vision.named_arrays import below
 from robot.vision.recognizer import HEIGHTS_PX, Recognizer
 from robot.vision.view_matching import Judge, Picture, one_for_each_place
-from robot.vision.windows import Floats, with_surroundings
+from robot.vision.window_detector import WindowDetection, WindowDetector
+from robot.vision.windows import Floats, cut_out, with_surroundings
 
-PROPOSALS = 8
-"""Places the ferns may propose in a picture."""
-LEAST_VOTES = 0.1
-"""Score of the ferns below which a place is not looked at."""
-HALVES_ASKED = 4
-"""Places, those with most votes, at which halves are asked where no whole view fits."""
+PROPOSALS = 5
+"""Places that may be proposed in a picture."""
+LEAST_PROPOSED = 0.1
+"""Score of the windows below which a place is not looked at: whoever proposes must not be the judge."""
+LEAST_SCALE = 0.8
+"""Of the size at which windows are learnt: no picture is enlarged more, smaller targets show in it too."""
+HALVES_ASKED = 3
+"""Places, the likeliest, at which halves are asked where no whole view fits."""
 GLANCED = 2
 """Places looked at in a glance."""
-SAME_PLACE = 0.4
-"""Overlap from which votes are for what is in a box."""
 ABOUT = 0.75
-"""Of a box's edges: how far around it votes are counted when a single place is judged."""
+"""Of a box's edges: how far around it one looks for votes."""
+OFF = 0.2
+"""Of a box's edges: how far from its middle votes are for what is in it."""
 NEAR_SCALES = (2.0**-0.25, 1.0, 2.0**0.25)
 """Sizes over the box's at which they are counted."""
 SURE = 0.5
@@ -47,6 +50,7 @@ class TargetFinder:
     """
 
     recognizer: Recognizer
+    windows: WindowDetector
     ferns: FernDetector
     common: tuple[Floats, ...]
     half_judge: Judge
@@ -63,14 +67,13 @@ class TargetFinder:
         18 to 170 px. Scores lie between 0.5 (the threshold learnt on negatives) and 1.
         """
         picture = Picture.of(image)
-        judged, asked = [], 0
-        for one in self.proposals(image, HEIGHTS_PX if heights_px is None else heights_px):
-            found = self.recognizer.judged(picture, one.box)
-            if found.score < SURE and asked < HALVES_ASKED:
-                found = self._by_half(picture, one.box, one.score)
-                asked += 1
-            judged.append(found)
-        return one_for_each_place([one for one in judged if one.score >= SURE])
+        proposed = self.proposals(image, HEIGHTS_PX if heights_px is None else heights_px)
+        whole = [self.recognizer.judged(picture, one.box) for one in proposed]
+        sure = [one for one in whole if one.score >= SURE]
+        if not sure:
+            halves = [self._by_half(image, picture, one.box) for one in proposed[:HALVES_ASKED]]
+            sure = [one for one in halves if one.score >= SURE]
+        return one_for_each_place(sure)
 
     def glance(self, image: Image, heights_px: Sequence[float]) -> list[Detection]:
         """Places where the whole target surely seems to be, best first: the likeliest few, no halves."""
@@ -89,28 +92,31 @@ class TargetFinder:
         whole = self.recognizer.detection(self.recognizer.locate(picture, box))
         if whole.score >= SURE:
             return whole
-        half = self._by_half(picture, box, self.votes(image, box))
+        half = self._by_half(image, picture, box)
         return max(whole, half, key=lambda one: one.score)
 
-    def proposals(self, image: Image, heights_px: Sequence[float]) -> list[HoughDetection]:
-        """Places the ferns vote for, most votes first; at most `PROPOSALS`."""
-        extent = self.ferns.classes[self.label].extent[1]
-        scales = [height / extent for height in sorted(heights_px)]
-        return self.ferns.predict(image, scales, least_score=LEAST_VOTES, most=PROPOSALS)
+    def proposals(self, image: Image, heights_px: Sequence[float]) -> list[WindowDetection]:
+        """Places that look like the target, the likeliest first; at most `PROPOSALS`."""
+        own = self.windows.shape.extent[1]
+        scales = sorted({max(height / own, LEAST_SCALE) for height in heights_px})
+        return self.windows.predict(image, scales, least_score=LEAST_PROPOSED, most=PROPOSALS)
 
     def votes(self, image: Image, box: Box) -> float:
-        """Score of the ferns for what is in a box, 0 if they vote for nothing there."""
+        """What the ferns vote for a target in a box: about 1 for views like those learnt, 0 for nothing."""
         near = with_surroundings(image, box, ABOUT)
         if near is None:
             return 0.0
         part, moved = near
         size = box.h / self.ferns.classes[self.label].extent[1]
-        found = self.ferns.predict(part, [size * step for step in NEAR_SCALES], least_score=LEAST_VOTES)
-        return max((one.score for one in found if one.box.iou(moved) >= SAME_PLACE), default=0.0)
+        votes = self.ferns.vote_map(part, self.label, [size * step for step in NEAR_SCALES])
+        (u, v), beside, below = moved.centre, OFF * box.w, OFF * box.h
+        middle = Box(u - beside, v - below, 2.0 * beside, 2.0 * below)
+        return float(cut_out(votes, middle).max(initial=0.0))
 
-    def _by_half(self, picture: Picture, box: Box, votes: float) -> Detection:
+    def _by_half(self, image: Image, picture: Picture, box: Box) -> Detection:
         half = best_half(picture, box, self.halves())
-        return Detection(half.box, self.half_judge.score((half.merit, half.colour, votes)), self.label)
+        evidence = half.merit, half.colour, self.votes(image, box)
+        return Detection(half.box, self.half_judge.score(evidence), self.label)
 
     def halves(self) -> list[HalfViews]:
         """Halves of the views, for each shape."""
@@ -118,10 +124,11 @@ class TargetFinder:
         return [HalfViews(group, common) for group, common in pairs]
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
-        """Everything learnt as plain arrays, keyed 'half_judge', 'common.0', 'nmf.…', 'ferns.…'."""
+        """Everything learnt as plain arrays, keyed 'half_judge', 'common.0', 'nmf.…', 'windows.…', …"""
         arrays: dict[str, NDArray[np.generic]] = {"half_judge": self.half_judge.values()}
         arrays |= {f"common.{index}": common for index, common in enumerate(self.common)}
         arrays |= {f"nmf.{key}": value for key, value in self.recognizer.arrays().items()}
+        arrays |= {f"windows.{key}": value for key, value in self.windows.arrays().items()}
         arrays |= {f"ferns.{key}": value for key, value in self.ferns.arrays().items()}
         return arrays
 
@@ -135,4 +142,5 @@ class TargetFinder:
             if one.shape != (len(group.layouts), 4) or not np.isfinite(one).all():
                 raise ValueError("how common the halves are does not fit the views")
         ferns = FernDetector.from_arrays([label], below("ferns.", arrays))
-        return cls(recognizer, ferns, common, Judge.of_values(arrays["half_judge"]))
+        windows = WindowDetector.from_arrays(below("windows.", arrays))
+        return cls(recognizer, windows, ferns, common, Judge.of_values(arrays["half_judge"]))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import cv2
 import numpy as np
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from robot.messages import Box
 
 Floats = NDArray[np.float32]
+Kind = TypeVar("Kind", np.uint8, np.float32)
 
 
 LEAST_PART_PX = 8
@@ -46,8 +47,8 @@ def crop(image: NDArray[np.uint8] | Floats, x: int, y: int, width: int, height: 
     return np.asarray(inside[:height, :width], np.float32)
 
 
-def cut_out(image: NDArray[np.uint8], box: Box) -> NDArray[np.uint8]:
-    """What is in a box, as far as the picture goes, at whole pixels: (h, w[, 3]) uint8, at least a pixel."""
+def cut_out(image: NDArray[Kind], box: Box) -> NDArray[Kind]:
+    """What is in a box, as far as the picture goes, at whole pixels: (h, w[, 3]), at least a pixel."""
     inside = box.clipped(image.shape[1], image.shape[0])
     x0, y0 = math.floor(inside.x + 0.5), math.floor(inside.y + 0.5)
     x1, y1 = math.floor(inside.x + inside.w + 0.5), math.floor(inside.y + inside.h + 0.5)

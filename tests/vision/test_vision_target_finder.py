@@ -10,8 +10,10 @@ from robot.messages import Box, Image
 from robot.vision.finder_training import Taught, View, fit, half_hidden
 from robot.vision.target_finder import TargetFinder
 from robot.vision.textures import texture
+from robot.vision.window_training import TrainingPlan
 
 SPOILT = r"do not fit|does not fit|impossible|more offsets|channel|not enough values|at least"
+SHORT = TrainingPlan(30.0, places=2400, drawn=9)
 WIDE = Box(120, 70, 75, 100)
 
 
@@ -37,7 +39,7 @@ def taught() -> Taught:
     for k in range(18):
         gain = 0.6 + 0.02 * k
         views.append(View(cv2.convertScaleAbs(put(room(100 + k), printed(k % 2), WIDE), alpha=gain), WIDE))
-    return fit(views, [room(seed) for seed in range(200, 220)], "box", seed=0)
+    return fit(views, [room(seed) for seed in range(200, 220)], "box", seed=0, lesson=SHORT)
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,119 @@
+"""A training view as it might be met: slightly turned, nearer, moved, before another background."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from robot.messages import Box, Image
+
+Floats = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+
+TURN, STRETCH, SHIFT_PX = math.radians(6.0), 0.08, 1.5
+"""Warps of a view: standard deviations of turn and of the logarithm of its size; of its place, px."""
+INSIDE = 0.5
+"""A pixel of a warped view belongs to the object if so much of it does."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Place:
+    """A view at a chosen size: grey (H, W) uint8, middle (x, y) of the object's box in it, that box's width
+    and height, all px; mask (H, W): its own pixels."""
+
+    image: Image
+    middle: tuple[float, float]
+    extent: tuple[float, float]
+    mask: Mask
+
+
+@dataclass(frozen=True, slots=True)
+class Warp:
+    """How a view is brought to a place: turn (radians), factor on its size, middle (x, y) px of the place."""
+
+    turn: float
+    grow: float
+    middle: tuple[float, float]
+
+
+class ViewWarps:
+    """One view, to be shown at `shrink` of its size in places of `size` (width, height) px.
+
+    mask: which pixels (H, W) of the image are the object's; None: all in the box. What lies outside the
+    image, or outside the mask, is taken from a background, another one for each place: what is seen near the
+    object's rim may be anything.
+    """
+
+    def __init__(
+        self, image: Image, box: Box, mask: Mask | None, shrink: float, size: tuple[int, int]
+    ) -> None:
+        """Raises ValueError where the box lies outside the image, or is smaller than 4 px."""
+        inside = box.clipped(image.shape[1], image.shape[0])
+        if min(inside.w, inside.h) < 4.0:
+            raise ValueError(f"a sample's box must show at least 4 px of its image, got {box}")
+        self._box, self._shrink, self._size = box, shrink, size
+        self._own = _rectangle(image.shape[:2], inside) if mask is None else mask
+        self._shown = np.ones(image.shape[:2], np.bool_) if mask is None else mask
+        self._soft = _softened(grey_bytes(image), shrink)
+
+    def straight(self) -> Warp:
+        """The view as it is, its middle in the middle."""
+        width, height = self._size
+        return Warp(0.0, 1.0, (width / 2 - 0.5, height / 2 - 0.5))
+
+    def drawn(self, rng: np.random.Generator) -> Warp:
+        """A slight warp at random."""
+        turn, grow = rng.normal(0.0, TURN), math.exp(rng.normal(0.0, STRETCH))
+        x, y = np.array(self._size) / 2 - 0.5 + rng.normal(0.0, SHIFT_PX, 2)
+        return Warp(float(turn), grow, (float(x), float(y)))
+
+    def place(self, warp: Warp, backgrounds: Sequence[Image], rng: np.random.Generator) -> Place:
+        """The view so warped, before one of the backgrounds; before its own if there are none."""
+        box, shrink = self._box, self._shrink * warp.grow
+        c, s = shrink * math.cos(warp.turn), shrink * math.sin(warp.turn)
+        u, v = box.x + box.w / 2 - 0.5, box.y + box.h / 2 - 0.5
+        x, y = warp.middle
+        to_place = np.array([[c, -s, x - c * u + s * v], [s, c, y - s * u - c * v]])
+        view, share, belongs = (
+            cv2.warpAffine(plane, to_place, self._size, flags=cv2.INTER_LINEAR, borderMode=border)
+            for plane, border in (
+                (self._soft.astype(np.float32), cv2.BORDER_REPLICATE),
+                (self._shown.astype(np.float32), cv2.BORDER_CONSTANT),
+                (self._own.astype(np.float32), cv2.BORDER_CONSTANT),
+            )
+        )
+        behind = background_cut(backgrounds, self._size, rng) if backgrounds else view
+        mixed = np.asarray(np.rint(share * view + (1.0 - share) * behind), np.uint8)
+        return Place(mixed, (x, y), (box.w * shrink, box.h * shrink), belongs > INSIDE)
+
+
+def background_cut(images: Sequence[Image], size: tuple[int, int], rng: np.random.Generator) -> Floats:
+    """A cut of one of the images, grey (height, width) of `size`, at a scale between whole and own."""
+    image = grey_bytes(images[int(rng.integers(len(images)))])
+    least = max(size[0] / image.shape[1], size[1] / image.shape[0])
+    shrink = max(least, math.exp(rng.uniform(math.log(min(least, 1.0)), 0.0)))
+    wide = max(round(image.shape[1] * shrink), size[0]), max(round(image.shape[0] * shrink), size[1])
+    scaled = cv2.resize(image, wide, interpolation=cv2.INTER_AREA if shrink < 1.0 else cv2.INTER_LINEAR)
+    x, y = (int(rng.integers(whole - part + 1)) for whole, part in zip(wide, size, strict=True))
+    return np.asarray(scaled[y : y + size[1], x : x + size[0]], np.float32)
+
+
+def grey_bytes(image: Image) -> Image:
+    """A BGR or grey uint8 picture as grey uint8 (H, W)."""
+    return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
+
+
+def _rectangle(shape: tuple[int, ...], box: Box) -> Mask:
+    found = np.zeros(shape, np.bool_)
+    found[round(box.y) : round(box.y + box.h), round(box.x) : round(box.x + box.w)] = True
+    return found
+
+
+def _softened(image: Image, shrink: float) -> Image:
+    sigma = 0.4 / shrink
+    return np.asarray(cv2.GaussianBlur(image, (0, 0), sigma), np.uint8) if sigma > 0.5 else image
