@@ -30,6 +30,10 @@ LEAST_SCALE = 0.8
 """Of the size at which windows are learnt: no picture is enlarged more, smaller targets show in it too."""
 HALVES_ASKED = 3
 """Places, the likeliest, at which halves are asked where no whole view fits."""
+LEAST_HALF_PX = 32.0
+"""Height of a place from which a half of it is asked: half of less is like too much else."""
+LEAST_INSIDE = 0.85
+"""Of a place that must lie in the picture: beyond its rim nothing is seen."""
 GLANCED = 2
 """Places looked at in a glance."""
 ABOUT = 0.75
@@ -69,18 +73,18 @@ class TargetFinder:
         picture = Picture.of(image)
         proposed = self.proposals(image, HEIGHTS_PX if heights_px is None else heights_px)
         whole = [self.recognizer.judged(picture, one.box) for one in proposed]
-        sure = [one for one in whole if one.score >= SURE]
+        sure = _sure(whole, image)
         if not sure:
-            halves = [self._by_half(image, picture, one.box) for one in proposed[:HALVES_ASKED]]
-            sure = [one for one in halves if one.score >= SURE]
+            large = [one.box for one in proposed if one.box.h >= LEAST_HALF_PX]
+            halves = [self._by_half(image, picture, box) for box in large[:HALVES_ASKED]]
+            sure = _sure(halves, image)
         return one_for_each_place(sure)
 
     def glance(self, image: Image, heights_px: Sequence[float]) -> list[Detection]:
         """Places where the whole target surely seems to be, best first: the likeliest few, no halves."""
         picture = Picture.of(image)
         few = self.proposals(image, heights_px)[:GLANCED]
-        judged = [self.recognizer.judged(picture, one.box) for one in few]
-        return one_for_each_place([one for one in judged if one.score >= SURE])
+        return one_for_each_place(_sure([self.recognizer.judged(picture, one.box) for one in few], image))
 
     def score(self, image: Image, box: Box) -> float:
         """How surely the target is at (or a little beside) a box, 0..1; 0.5 is the threshold."""
@@ -90,7 +94,7 @@ class TargetFinder:
         """The best place at or near a box, with its score (which may be below 0.5)."""
         picture = Picture.of(image)
         whole = self.recognizer.detection(self.recognizer.locate(picture, box))
-        if whole.score >= SURE:
+        if whole.score >= SURE or box.h < LEAST_HALF_PX:
             return whole
         half = self._by_half(image, picture, box)
         return max(whole, half, key=lambda one: one.score)
@@ -144,3 +148,13 @@ class TargetFinder:
         ferns = FernDetector.from_arrays([label], below("ferns.", arrays))
         windows = WindowDetector.from_arrays(below("windows.", arrays))
         return cls(recognizer, windows, ferns, common, Judge.of_values(arrays["half_judge"]))
+
+
+def _sure(judged: Sequence[Detection], image: Image) -> list[Detection]:
+    """Those that score enough and lie in the picture."""
+    height, width = image.shape[:2]
+    return [
+        one
+        for one in judged
+        if one.score >= SURE and one.box.clipped(width, height).area >= LEAST_INSIDE * one.box.area
+    ]

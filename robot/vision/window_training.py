@@ -48,11 +48,11 @@ PER_OCTAVE = 4
 class TrainingPlan:
     """How much is learnt from, at which size.
 
-    reference_px: edge of a square as large as the object at the size it is learnt and looked for. places: that
-    show the object, made of all views together. drawn: pictures of nothing in particular, as those without
-    the object show too little of the world. beside: of so many places, share that shows what is beside it.
-    hidden: share with a side hidden. rounds: times the net is learnt anew, each time with the hard negatives
-    of the rounds before.
+    reference_px: edge of a square as large as the object at the size it is learnt and looked for. places:
+    that show the object, made of all views together. drawn: pictures of nothing in particular, as those
+    without the object show too little of the world. beside: of so many places, share that shows what is
+    beside it. hidden: share with a side hidden. rounds: times the net is learnt anew, each time with the hard
+    negatives of the rounds before.
     """
 
     reference_px: float = 36.0
