@@ -196,7 +196,7 @@ class Vision(Struct, frozen=True, forbid_unknown_fields=True):
         default_factory=lambda: Stage(rate_hz=1.0, cost_s=0.025)
     )
     recognize: Annotated[Stage, _doc("looking for the target in the whole picture")] = field(
-        default_factory=lambda: Stage(rate_hz=5.0, cost_s=0.08)
+        default_factory=lambda: Stage(rate_hz=5.0, cost_s=0.07)
     )
 
 
