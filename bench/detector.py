@@ -38,8 +38,8 @@ from bench.report import Bar, arguments, publish
 from robot.errors import UserError
 from robot.messages import Image
 from robot.vision.ferns import FernDetector, Sample
+from robot.vision.view_warps import View as TaughtView
 from robot.vision.window_detector import WindowDetector
-from robot.vision.window_training import TaughtView
 
 Row = dict[str, Any]
 Mask = NDArray[np.bool_]
@@ -71,7 +71,7 @@ def cars(folder: Path, seeds: Sequence[int]) -> list[Row]:
     for seed in seeds:
         views, without = crops(folder, CROPS, seed)
         start = time.perf_counter()
-        windows = WindowDetector.fit([TaughtView(view, CROP, None) for view in views], without, seed=seed)
+        windows = WindowDetector.fit([TaughtView(view, CROP) for view in views], without, seed=seed)
         taught = time.perf_counter() - start
         ferns = FernDetector.fit([Sample(view, CROP, "car") for view in views], without, seed=seed)
         for kind in CAR_SCALES:

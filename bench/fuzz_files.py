@@ -31,6 +31,8 @@ from robot.rig_file import load_rig
 from robot.sim.scene import FOLDER, load_scene
 from robot.vision.colour import LAYOUT_LENGTH
 from robot.vision.target_finder import TargetFinder
+from robot.vision.window_features import DIRECTIONS
+from robot.vision.window_net import ANSWERS
 
 _FILE_EVERY: Final = 64
 _HEAD: Final = struct.Struct("<8sHI32s")
@@ -143,7 +145,8 @@ def _encoded(texts: list[str]) -> list[bytes]:
 
 
 def _model(name: str, groups: int) -> Model:
-    """The smallest model there can be: spaces of two by two pixels, one fern of two tests."""
+    """The smallest model there can be: spaces of two by two pixels, a window of two by two cells with one
+    hidden unit, one fern of two tests."""
     arrays: dict[str, NDArray[np.generic]] = {
         "half_judge": np.array([0.5, 0.25, 0.25, 0.0]),
         "nmf.judge": np.array([0.5, 0.25, 0.25, 0.0]),
@@ -160,8 +163,20 @@ def _model(name: str, groups: int) -> Model:
             }
         arrays[f"nmf.{group}.layouts"] = np.zeros((1, LAYOUT_LENGTH), np.float32)
         arrays[f"common.{group}"] = np.zeros((1, 4), np.float32)
+    arrays |= {f"windows.{key}": array for key, array in _windows().items()}
     arrays |= {f"ferns.{key}": array for key, array in _ferns().items()}
     return Model(name, TargetFinder.from_arrays(name, arrays), 1, 0.2, "written by the bench", b"\x89PNG")
+
+
+def _windows() -> dict[str, NDArray[np.generic]]:
+    """What a net with one hidden unit learnt of windows of two by two cells."""
+    return {
+        "shape": np.array([2.0, 2.0, 8.0, 8.0]),
+        "net.first": np.full((4 * DIRECTIONS, 1), 0.1, np.float32),
+        "net.first_bias": np.zeros(1, np.float32),
+        "net.second": np.ones((1, ANSWERS), np.float32),
+        "net.second_bias": np.zeros(ANSWERS, np.float32),
+    }
 
 
 def _ferns() -> dict[str, NDArray[np.generic]]:

@@ -18,7 +18,7 @@ from robot.messages import Box, Image
 from robot.model_file import Model
 from robot.teach_sheet import THUMBNAIL, contact_sheet, png, thumbnail
 from robot.teach_views import BLURRED, Progress, View, choose, view_of
-from robot.vision import finder_training
+from robot.vision import finder_training, view_warps
 from robot.vision.finder_training import LESSON, Validation
 from robot.vision.textures import texture
 from robot.vision.window_training import TrainingPlan
@@ -83,7 +83,7 @@ def teach(
     crops = [view_of(view) for view in chosen.views]
     tell(len(crops), "learning")
     negatives = background_regions(chosen.views, seed) + drawn_negatives(seed)
-    looks = [finder_training.View(view.image_bgr, view.box, view.mask) for view in chosen.views]
+    looks = [view_warps.View(view.image_bgr, view.box, view.mask) for view in chosen.views]
     taught = finder_training.fit(looks, negatives, name, seed, lesson=lesson)
     preview = png(thumbnail(max(crops, key=lambda crop: crop.size), 2 * THUMBNAIL))
     model = Model(

@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 from robot.errors import UserError
 from robot.messages import Box
 from robot.model_file import Model, from_bytes, load, save, to_bytes
-from robot.vision.finder_training import View, fit
+from robot.vision.finder_training import fit
 from robot.vision.textures import texture
+from robot.vision.view_warps import View
 from robot.vision.window_training import TrainingPlan
 
 SHORT = TrainingPlan(30.0, places=300, drawn=3, rounds=1)

@@ -15,7 +15,8 @@ import pytest
 from robot import model_file
 from robot.messages import Box
 from robot.model_file import Model
-from robot.vision.finder_training import View, fit
+from robot.vision.finder_training import fit
+from robot.vision.view_warps import View
 from robot.vision.window_training import TrainingPlan
 
 ROOT = Path(__file__).parents[1]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from robot.messages import Box, Image
 from robot.vision.fern_features import Ferns, channels
 from robot.vision.hough import CELL_STEPS, MOST_VOTES, Codebook
-from robot.vision.view_warps import Mask, Place, ViewWarps
+from robot.vision.view_warps import Mask, Place, View, ViewWarps
 
 Floats = NDArray[np.float32]
 
@@ -144,7 +144,7 @@ def places_of(
     """
     shrink = reference_px / max(box.w, box.h, 1.0)
     size = math.ceil(box.w * shrink) + 2 * MARGIN_PX, math.ceil(box.h * shrink) + 2 * MARGIN_PX
-    warped = ViewWarps(image, box, mask, shrink, size)
+    warped = ViewWarps(View(image, box, mask), shrink, size)
     found = [warped.place(warped.straight(), backgrounds, rng)]
     for _ in range(warps):
         found.append(warped.place(warped.drawn(rng), backgrounds, rng))

@@ -31,9 +31,10 @@ from robot.vision.recognizer_training import (
 )
 from robot.vision.target_finder import TargetFinder
 from robot.vision.view_matching import Evidence, Picture
+from robot.vision.view_warps import View
 from robot.vision.window_detector import WindowDetector
-from robot.vision.window_training import TaughtView, TrainingPlan
-from robot.vision.windows import Floats, cut_out
+from robot.vision.window_training import TrainingPlan
+from robot.vision.windows import Floats
 
 Mask = NDArray[np.bool_]
 
@@ -55,23 +56,6 @@ FOUND_IOU = 0.5
 
 HalfEvidence = tuple[float, float, float]
 """Merit and colour agreement of the best half, votes of the ferns."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class View:
-    """A BGR uint8 picture and the target's box in it.
-
-    mask: which pixels (H, W) are its own; None: all in the box.
-    """
-
-    image: Image
-    box: Box
-    mask: Mask | None = None
-
-    @property
-    def crop(self) -> Image:
-        """What is in the box, at whole pixels."""
-        return cut_out(self.image, self.box)
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,8 +145,7 @@ def _taught(
     recognizer = unjudged([view.crop for view in views], label, seed)
     samples = [Sample(view.image, view.box, label, view.mask) for view in views]
     ferns = FernDetector.fit(samples, negatives, settings=FERNS, seed=seed)
-    shown = [TaughtView(view.image, view.box, view.mask) for view in views]
-    windows = WindowDetector.fit(shown, negatives, seed=seed, plan=plan)
+    windows = WindowDetector.fit(views, negatives, seed=seed, plan=plan)
     rare = tuple(np.zeros((len(group.layouts), 4), np.float32) for group in recognizer.groups)
     finder = TargetFinder(recognizer, windows, ferns, rare, UNJUDGED)
     return replace(finder, common=_common(finder, negatives))

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot.messages import Box, Image
+from robot.vision.windows import cut_out
 
 Floats = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -19,6 +20,23 @@ TURN, STRETCH, SHIFT_PX = math.radians(6.0), 0.08, 1.5
 """Warps of a view: standard deviations of turn and of the logarithm of its size; of its place, px."""
 INSIDE = 0.5
 """A pixel of a warped view belongs to the object if so much of it does."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class View:
+    """A BGR or grey uint8 picture and the target's box in it.
+
+    mask: which pixels (H, W) are its own; None: all in the box.
+    """
+
+    image: Image
+    box: Box
+    mask: Mask | None = None
+
+    @property
+    def crop(self) -> Image:
+        """What is in the box, at whole pixels."""
+        return cut_out(self.image, self.box)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,15 +62,13 @@ class Warp:
 class ViewWarps:
     """One view, to be shown at `shrink` of its size in places of `size` (width, height) px.
 
-    mask: which pixels (H, W) of the image are the object's; None: all in the box. What lies outside the
-    image, or outside the mask, is taken from a background, another one for each place: what is seen near the
-    object's rim may be anything.
+    What lies outside its image, or outside its mask, is taken from a background, another one for each place:
+    what is seen near the object's rim may be anything.
     """
 
-    def __init__(
-        self, image: Image, box: Box, mask: Mask | None, shrink: float, size: tuple[int, int]
-    ) -> None:
+    def __init__(self, view: View, shrink: float, size: tuple[int, int]) -> None:
         """Raises ValueError where the box lies outside the image, or is smaller than 4 px."""
+        image, box, mask = view.image, view.box, view.mask
         inside = box.clipped(image.shape[1], image.shape[0])
         if min(inside.w, inside.h) < 4.0:
             raise ValueError(f"a sample's box must show at least 4 px of its image, got {box}")

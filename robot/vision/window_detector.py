@@ -23,10 +23,10 @@ from robot.vision.gradient_histograms import CELL_PX
 from robot.vision.named_arrays import below
 from robot.vision.picture_patch import checked
 from robot.vision.textures import texture
-from robot.vision.view_warps import grey_bytes
+from robot.vision.view_warps import View, grey_bytes
 from robot.vision.window_features import DIRECTIONS, edge_cells, windows_of
 from robot.vision.window_net import WindowNet
-from robot.vision.window_training import TaughtView, TrainingPlan, WindowShape, trained
+from robot.vision.window_training import TrainingPlan, WindowShape, trained
 
 Floats = NDArray[np.float32]
 
@@ -34,6 +34,8 @@ PER_OCTAVE = 4
 DRAWN_SIZE = 352, 288
 LEAST_VOTE = -4.0
 """Logit of a window from which it votes."""
+MOST_OFF = 1.0
+"""Of what a window tells of a box: windows beside the object were never asked for one."""
 OVERHANG = 0.25
 """Of a window that may lie outside the picture."""
 
@@ -53,7 +55,7 @@ class WindowDetector:
     >>> rng = np.random.default_rng(0)
     >>> poster = cv2.resize(rng.integers(0, 255, (8, 6), np.uint8), (60, 80))
     >>> walls = [cv2.resize(rng.integers(0, 255, (18, 22), np.uint8), (176, 144)) for _ in range(4)]
-    >>> views = [TaughtView(poster, Box(0, 0, 60, 80), None)] * 2
+    >>> views = [View(poster, Box(0, 0, 60, 80))] * 2
     >>> detector = WindowDetector.fit(views, walls[:3], seed=0, plan=TrainingPlan(places=400))
     >>> picture = walls[3].copy(); picture[30:110, 70:130] = poster
     >>> detector.predict(picture)[0].box.iou(Box(70, 30, 60, 80)) > 0.7
@@ -66,7 +68,7 @@ class WindowDetector:
     @classmethod
     def fit(
         cls,
-        views: Sequence[TaughtView],
+        views: Sequence[View],
         negatives: Sequence[Image],
         *,
         seed: int,
@@ -138,7 +140,8 @@ class WindowDetector:
         windows = windows_of(cells, self.shape.rows, self.shape.columns)
         answers = self.net.answers(windows.reshape(-1, windows.shape[2])).reshape(*windows.shape[:2], -1)
         rows, columns = np.nonzero(answers[..., 0] > LEAST_VOTE)
-        logits, x, y, wide, tall = answers[rows, columns].T
+        logits = answers[rows, columns, 0]
+        x, y, wide, tall = answers[rows, columns, 1:].clip(-MOST_OFF, MOST_OFF).T
         width, height = self.shape.extent
         u = (columns - across + self.shape.columns / 2) * CELL_PX + x * width
         v = (rows - down + self.shape.rows / 2) * CELL_PX + y * height
@@ -158,6 +161,10 @@ class WindowDetector:
         """The inverse of `arrays`. Raises KeyError or ValueError where they do not fit together."""
         rows, columns, width, height = (float(value) for value in arrays["shape"])
         net = WindowNet.from_arrays(below("net.", arrays))
-        if len(net.first) != rows * columns * DIRECTIONS or not 0.0 < min(width, height) < math.inf:
+        filled = all(
+            cells.is_integer() and abs(edge - cells * CELL_PX) <= CELL_PX and edge >= 1.0
+            for edge, cells in ((width, columns), (height, rows))
+        )
+        if not filled or len(net.first) != rows * columns * DIRECTIONS:
             raise ValueError("the window net does not fit its windows")
         return cls(WindowShape(int(rows), int(columns), (width, height)), net)

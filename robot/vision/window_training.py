@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from robot.messages import Box, Image
 from robot.vision.gradient_histograms import CELL_PX
-from robot.vision.view_warps import Place, ViewWarps, Warp, background_cut, grey_bytes
+from robot.vision.view_warps import Place, View, ViewWarps, Warp, background_cut, grey_bytes
 from robot.vision.window_features import edge_cells, windows_of
 from robot.vision.window_net import Course, Lessons, WindowNet, learnt
 
@@ -64,15 +64,6 @@ class TrainingPlan:
     course: Course = field(default_factory=Course)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class TaughtView:
-    """What is in `box` of a BGR or grey uint8 image is the object; mask (H, W): its pixels, None: all."""
-
-    image: Image
-    box: Box
-    mask: Mask | None
-
-
 @dataclass(frozen=True, slots=True)
 class WindowShape:
     """rows, columns of cells of a window; extent: (width, height) px of the object that fills it."""
@@ -96,7 +87,7 @@ class WindowShape:
 
 
 def trained(
-    views: Sequence[TaughtView],
+    views: Sequence[View],
     negatives: Sequence[Image],
     shape: WindowShape,
     plan: TrainingPlan,
@@ -121,7 +112,7 @@ def trained(
 
 
 def _shown(
-    views: Sequence[TaughtView],
+    views: Sequence[View],
     negatives: Sequence[Image],
     shape: WindowShape,
     plan: TrainingPlan,
@@ -137,7 +128,7 @@ def _shown(
 
 
 def _beside(
-    views: Sequence[TaughtView],
+    views: Sequence[View],
     negatives: Sequence[Image],
     shape: WindowShape,
     count: int,
@@ -156,11 +147,11 @@ def _beside(
     return np.stack(windows)
 
 
-def _warps(views: Sequence[TaughtView], shape: WindowShape, count: int) -> Iterator[ViewWarps]:
+def _warps(views: Sequence[View], shape: WindowShape, count: int) -> Iterator[ViewWarps]:
     """Each view in turn, `count` in all, at the size at which it is as large as the window's object."""
     size = (shape.columns + 2 * MARGIN_CELLS) * CELL_PX, (shape.rows + 2 * MARGIN_CELLS) * CELL_PX
     area = shape.extent[0] * shape.extent[1]
-    ready = [ViewWarps(v.image, v.box, v.mask, math.sqrt(area / max(v.box.area, 1.0)), size) for v in views]
+    ready = [ViewWarps(view, math.sqrt(area / max(view.box.area, 1.0)), size) for view in views]
     for index in range(count):
         yield ready[index % len(ready)]
 

@@ -47,6 +47,18 @@ def shown(which, place, seed=20, size=1.0):
     return picture, Box(x, y, view.shape[1], view.shape[0])
 
 
+def test_pixels_that_vote_for_a_known_box_lie_in_it(detector):
+    picture, true = shown(1, (70, 30))
+    inside = np.zeros(picture.shape, np.bool_)
+    inside[30:110, 70:130] = True
+    mine = detector.support(picture, "poster1", true)
+    assert (mine & inside).sum() / (mine | inside).sum() > 0.6
+    beside = detector.support(picture, "poster1", Box(10, 60, 50, 70))
+    assert (beside & inside).sum() < 0.3 * inside.sum()
+    with pytest.raises(ValueError, match="empty box"):
+        detector.support(picture, "poster1", Box(10, 10, 0, 20))
+
+
 @pytest.mark.parametrize("which", [1, 2])
 @pytest.mark.parametrize(("place", "size"), [((70, 30), 1.0), ((20, 50), 0.85), ((60, 8), 1.5)])
 def test_each_of_two_objects_is_found_at_its_place_and_size(detector, which, place, size):

@@ -6,10 +6,11 @@ import cv2
 import numpy as np
 import pytest
 
-from robot.messages import Box, Image
-from robot.vision.finder_training import Taught, View, fit, half_hidden
+from robot.messages import Box, Detection, Image
+from robot.vision.finder_training import Taught, fit, half_hidden
 from robot.vision.target_finder import TargetFinder
 from robot.vision.textures import texture
+from robot.vision.view_warps import View
 from robot.vision.window_training import TrainingPlan
 
 SPOILT = r"do not fit|does not fit|impossible|more offsets|channel|not enough values|at least"
@@ -123,6 +124,33 @@ def test_grey_tiny_and_huge_pictures_are_looked_at(finder: TargetFinder) -> None
     assert finder.predict(huge)[0].box.iou(Box(900, 700, 75, 100)) > 0.5
 
 
+def test_half_of_a_small_target_is_not_asked_for(
+    finder: TargetFinder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[float] = []
+
+    def half_of(self: TargetFinder, image: Image, picture: object, box: Box) -> Detection:
+        asked.append(box.h)
+        return Detection(box, 0.0, "box")
+
+    monkeypatch.setattr(TargetFinder, "_by_half", half_of)
+    for seed in range(400, 404):
+        finder.predict(room(seed))
+        for height in (20, 31, 40, 90):
+            finder.refine(room(seed), Box(100, 80, 0.75 * height, height))
+    assert {40, 90} <= set(asked)
+    assert min(asked) >= 32.0
+
+
+@pytest.mark.parametrize("out", [0, 30, 60])
+def test_what_the_rim_cuts_off_is_not_told(finder: TargetFinder, out: int) -> None:
+    picture = room(1)
+    picture[100:200, : 75 - out] = printed(1)[:, out:]
+    boxes = [one.box for one in finder.predict(picture)]
+    assert all(box.clipped(352, 288).area >= 0.85 * box.area for box in boxes)
+    assert bool(boxes) == (out == 0)
+
+
 def test_cross_validation_tells_what_is_found(taught: Taught) -> None:
     told = taught.validation
     assert told.recall > 0.85
@@ -153,6 +181,10 @@ def test_the_arrays_give_the_same_finder(finder: TargetFinder) -> None:
         ("half_judge", lambda a: a[:2]),
         ("common.0", lambda a: a[:, :3]),
         ("nmf.aspects", lambda a: a[:0]),
+        ("windows.shape", lambda a: a + 0.5),
+        ("windows.shape", lambda a: a * [1, 1, 1e9, 1]),
+        ("windows.shape", lambda a: a * np.nan),
+        ("windows.net.first", lambda a: a[:-1]),
     ],
 )
 def test_arrays_that_do_not_fit_are_refused(finder: TargetFinder, key: str, spoil) -> None:

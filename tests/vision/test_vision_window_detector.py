@@ -8,9 +8,9 @@ import pytest
 
 from robot.messages import Box, Image
 from robot.vision.textures import texture
-from robot.vision.view_warps import Mask, ViewWarps, grey_bytes
+from robot.vision.view_warps import Mask, View, ViewWarps, grey_bytes
 from robot.vision.window_detector import WindowDetection, WindowDetector
-from robot.vision.window_training import TaughtView, TrainingPlan, WindowShape, darkened
+from robot.vision.window_training import TrainingPlan, WindowShape, darkened
 
 SIZE = 240, 200
 OBJECT = 60, 80
@@ -35,7 +35,7 @@ def shown(seed: int, place: tuple[int, int], size: float = 1.0) -> tuple[Image, 
 
 @pytest.fixture(scope="module")
 def detector() -> WindowDetector:
-    views = [TaughtView(poster(), Box(0, 0, *OBJECT), None)]
+    views = [View(poster(), Box(0, 0, *OBJECT))]
     return WindowDetector.fit(views, [room(seed) for seed in range(40, 52)], seed=0, plan=PLAN)
 
 
@@ -88,7 +88,7 @@ def test_rooms_without_it_score_less(detector: WindowDetector, seed: int) -> Non
 
 def test_the_same_seed_gives_the_same_detector_another_seed_another(detector: WindowDetector) -> None:
     small = TrainingPlan(30.0, places=60, drawn=1, rounds=2)
-    views = [TaughtView(poster(), Box(0, 0, *OBJECT), None)]
+    views = [View(poster(), Box(0, 0, *OBJECT))]
     one, same, other = (WindowDetector.fit(views, [room(1)], seed=s, plan=small).arrays() for s in (3, 3, 4))
     assert all(np.array_equal(one[key], same[key]) for key in one)
     assert not np.array_equal(one["net.first"], other["net.first"])
@@ -136,7 +136,7 @@ def test_black_and_tiny_pictures_show_nothing_or_little(
 @pytest.mark.parametrize("box", [Box(300, 10, 20, 20), Box(10, 10, 3, 20), Box(10, 10, 0, 0)])
 def test_boxes_outside_the_picture_are_refused(box: Box) -> None:
     with pytest.raises(ValueError, match=r"4 px|shape"):
-        WindowDetector.fit([TaughtView(room(1), box, None)], [room(2)], seed=0, plan=PLAN)
+        WindowDetector.fit([View(room(1), box)], [room(2)], seed=0, plan=PLAN)
 
 
 def test_no_view_is_refused() -> None:
@@ -154,7 +154,7 @@ def test_a_place_tells_where_the_object_truly_is() -> None:
     view = np.full((60, 80), 200, np.uint8)
     mask: Mask = np.zeros((60, 80), np.bool_)
     mask[20:44, 30:60] = True
-    warps = ViewWarps(view, Box(30, 20, 30, 24), mask, 1.2, (64, 56))
+    warps = ViewWarps(View(view, Box(30, 20, 30, 24), mask), 1.2, (64, 56))
     rng = np.random.default_rng(0)
     for warp in (warps.straight(), warps.drawn(rng), warps.drawn(rng)):
         place = warps.place(warp, [np.zeros((90, 90), np.uint8)], rng)
