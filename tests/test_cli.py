@@ -430,6 +430,7 @@ def test_teach_refuses_sources_names_and_places(robot: Shell) -> None:
     assert "--out" in robot.refused("teach", "--from", folder, "--name", "x", "--out", "x.png")
 
 
+@pytest.mark.usefixtures("short_lessons")
 def test_teach_writes_a_model_its_picture_and_what_was_learnt(robot: Shell) -> None:
     said = robot("teach", "--from", lesson(robot.folder / "views", 9), "--name", "label")
     assert said.code == 0

@@ -29,6 +29,8 @@ LIGHTS = ((0.9, 0.0), (0.6, 0.0), (1.05, 0.0), (0.4, 0.0), (0.03, 1.0))
 STUDIO_SALT = 0x7EAC
 """Mixed into the seed, so that no scored scene draws what a studio draws."""
 MARGIN_PX = 3
+SETTLING_TICKS = 12
+"""From one view to the next: the head comes to rest, the exposure adapts."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,9 +109,9 @@ def _look(
     studio.place_target(x, y, start.yaw + bearing + math.pi + yaw)
     down = math.atan2(0.25 - 0.11, distance) + rng.uniform(-0.06, 0.06)
     studio.head.send(HeadPose(bearing + rng.uniform(-0.1, 0.1), down), studio.now)
-    for _ in range(12):
+    for _ in range(SETTLING_TICKS):
         studio.step()
-        studio.camera.latest(studio.now)  # the exposure adapts on pictures that are taken
+    # One picture is enough: the exposure adapts by the time since the one before, however many lie between.
     moment = studio.moment
     frame = studio.camera.latest(studio.now)
     box, share = truth.visible(moment)

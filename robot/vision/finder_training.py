@@ -3,7 +3,8 @@
 Views and pictures without the target are split in three; each third is judged by a finder taught with the
 other two. So a judge meets the target as it will be met later: sides not seen before, before backgrounds
 not seen before, whole and half hidden, against what is taken for it elsewhere, and whole against
-look-alikes. Halves are not: half of a print with other colours or turned upside down often is the target's.
+look-alikes. Halves are held against other prints in its outline instead: half of its own print with other
+colours or turned upside down often is the target's.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from robot.vision.recognizer_training import (
     scene_with,
     unjudged,
 )
-from robot.vision.target_finder import TargetFinder
+from robot.vision.target_finder import PROPOSALS, TargetFinder
 from robot.vision.view_matching import Evidence, Picture
 from robot.vision.view_warps import View
 from robot.vision.window_detector import WindowDetector
@@ -180,7 +181,7 @@ def validated(folded: Sequence[Fold], evidences: Sequence[Evidences], rng: np.ra
     whole, half, false, pictures = [], [], 0, 0
     for index, fold in enumerate(folded):
         finder = judged(fold.finder, [e for i, e in enumerate(evidences) if i != index])
-        for view in fold.views[:: max(1, len(fold.views) // MOST_VALIDATED)]:
+        for view in fold.views[:: -(-len(fold.views) // MOST_VALIDATED)]:
             image, box = _scene(view.crop, fold.negatives, rng)
             whole.append(_found(finder, image, box))
             half.append(_found(finder, half_hidden(image, box, fold.negatives, rng), box))
@@ -218,15 +219,38 @@ def evidences_of(fold: Fold, rng: np.random.Generator) -> Evidences:
         found.against_whole.append(
             evidence_in_scene(finder.recognizer, look_alike(crop, rng), fold.negatives, rng)
         )
+        scene, box = scene_with(other_print(crop, fold.negatives, rng), fold.negatives, rng)
+        found.against_half.append(_half_evidence(finder, scene, box))
     for image in fold.negatives:
         # What NMF alone would propose wrongly counts too: it may be asked to look alone.
         found.against_whole += [place.evidence for place in finder.recognizer.candidates(image)]
         picture = Picture.of(image)
-        for one in finder.proposals(image, HEIGHTS_PX):
-            found.against_whole.append(finder.recognizer.locate(picture, one.box).evidence)
-            half = best_half(picture, one.box, finder.halves())
-            found.against_half.append((half.merit, half.colour, finder.votes(image, one.box)))
+        for box in _taken(finder, image):
+            found.against_whole.append(finder.recognizer.locate(picture, box).evidence)
+            half = best_half(picture, box, finder.halves())
+            found.against_half.append((half.merit, half.colour, finder.votes(image, box)))
     return found
+
+
+def _taken(finder: TargetFinder, image: Image) -> list[Box]:
+    """What windows and what ferns take for the target where it is not, most likely first of each.
+
+    A judge that met only what windows propose would believe the ferns blindly: it never saw them wrong.
+    """
+    own = finder.ferns.classes[finder.label].extent[1]
+    scales = [height / own for height in sorted(HEIGHTS_PX)]
+    voted = [one.box for one in finder.ferns.predict(image, scales, most=PROPOSALS)]
+    return [one.box for one in finder.proposals(image, HEIGHTS_PX)] + voted
+
+
+def other_print(crop: Image, others: Sequence[Image], rng: np.random.Generator) -> Image:
+    """The target's outline around something else: the rim of a view about a part of another picture."""
+    height, width = crop.shape[:2]
+    rows, columns = max(height // 8, 1), max(width // 8, 1)
+    other = crop.copy()
+    inner = other[rows : height - rows, columns : width - columns]
+    inner[:] = background(others, inner.shape[1], inner.shape[0], rng)
+    return other
 
 
 def _half_evidence(finder: TargetFinder, image: Image, box: Box) -> HalfEvidence:

@@ -39,7 +39,7 @@ _SMALLEST_NEGATIVE_PX = 64
 _PRIOR = 0.01
 # Where between the negatives and the positives the threshold lies.
 _MARGIN = 0.7
-LEAST_MARGIN = 0.15
+LEAST_MARGIN = 0.33
 # The median held-out view gets this score, whatever the target.
 _TYPICAL_SCORE = 0.9
 

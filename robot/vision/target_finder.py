@@ -106,7 +106,10 @@ class TargetFinder:
         return self.windows.predict(image, scales, least_score=LEAST_PROPOSED, most=PROPOSALS)
 
     def votes(self, image: Image, box: Box) -> float:
-        """What the ferns vote for a target in a box: about 1 for views like those learnt, 0 for nothing."""
+        """What the ferns vote for a target in a box, 0..1: most for views like those learnt, 0 for nothing.
+
+        More than 1 tells no more: bold prints of all kinds get it.
+        """
         near = with_surroundings(image, box, ABOUT)
         if near is None:
             return 0.0
@@ -115,7 +118,7 @@ class TargetFinder:
         votes = self.ferns.vote_map(part, self.label, [size * step for step in NEAR_SCALES])
         (u, v), beside, below = moved.centre, OFF * box.w, OFF * box.h
         middle = Box(u - beside, v - below, 2.0 * beside, 2.0 * below)
-        return float(cut_out(votes, middle).max(initial=0.0))
+        return min(float(cut_out(votes, middle).max(initial=0.0)), 1.0)
 
     def _by_half(self, image: Image, picture: Picture, box: Box) -> Detection:
         half = best_half(picture, box, self.halves())

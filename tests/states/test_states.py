@@ -187,7 +187,24 @@ class TestRecognize:
             now = 0.3 + 0.2 * k
             assert state.step(situation(now, **looks(now, 0.5 * (-1) ** k)))[1] is None
 
-    def test_rejected_when_looks_miss_or_time_runs_out(self):
+    def test_looks_that_never_agree_end_it(self):
+        state = Recognize(BEHAVIOUR)
+        state.enter(situation(0.0))
+        for k in range(4 * BEHAVIOUR.confirm_frames):
+            now = 0.3 + 0.2 * k
+            event = state.step(situation(now, **looks(now, 0.5 * (-1) ** k)))[1]
+        assert (event.name, event.evidence["agreeing"]) == ("candidate_rejected", 1)
+
+    def test_a_busy_computer_that_looks_every_other_second_is_sure_all_the_same(self):
+        state = Recognize(BEHAVIOUR)
+        state.enter(situation(0.0))
+        events = [
+            state.step(situation(now / 10, **looks(now // 20 * 2.0, 0.5)))[1]
+            for now in range(1, 20 * BEHAVIOUR.confirm_frames + 1)
+        ]
+        assert [event.name for event in events if event] == ["target_confirmed"]
+
+    def test_rejected_when_looks_miss_or_none_comes(self):
         state = Recognize(BEHAVIOUR)
         state.enter(situation(0.0))
         events = [state.step(situation(t, **looks(t)))[1] for t in (0.3, 0.5, 0.7)]

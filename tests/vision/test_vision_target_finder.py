@@ -34,13 +34,18 @@ def put(image: Image, view: Image, box: Box) -> Image:
     return shown
 
 
+def views() -> list[View]:
+    lit = (
+        cv2.convertScaleAbs(put(room(100 + k), printed(k % 2), WIDE), alpha=0.6 + 0.02 * k) for k in range(18)
+    )
+    return [View(image, WIDE) for image in lit]
+
+
 @pytest.fixture(scope="module")
-def taught() -> Taught:
-    views = []
-    for k in range(18):
-        gain = 0.6 + 0.02 * k
-        views.append(View(cv2.convertScaleAbs(put(room(100 + k), printed(k % 2), WIDE), alpha=gain), WIDE))
-    return fit(views, [room(seed) for seed in range(200, 220)], "box", seed=0, lesson=SHORT)
+def taught(once) -> Taught:
+    return once.value(
+        "finder", lambda: fit(views(), [room(seed) for seed in range(200, 220)], "box", seed=0, lesson=SHORT)
+    )
 
 
 @pytest.fixture(scope="module")

@@ -90,6 +90,7 @@ def test_it_ends_when_told_to(pairs: list[Pair]) -> None:
     assert len(sitting(eyes)[0]) == 1, "the second pause is not waited for"
 
 
+@pytest.mark.usefixtures("short_lessons")
 def test_a_target_is_taught_before_the_robots_own_cameras(
     pairs: list[Pair], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
