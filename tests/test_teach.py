@@ -26,7 +26,7 @@ def printed(seed: int) -> Image:
     return cv2.resize(fields, (150, 200), interpolation=cv2.INTER_NEAREST)
 
 
-SHORT = TrainingPlan(30.0, places=2400, drawn=9)
+SHORT = TrainingPlan(30.0, places=1500, drawn=6)
 SHORTEST = TrainingPlan(30.0, places=300, drawn=3, rounds=1)
 """Lessons of which less is asked than of one for the robot, and nothing."""
 

@@ -30,7 +30,7 @@ from robot.vision.recognizer_training import (
     scene_with,
     unjudged,
 )
-from robot.vision.target_finder import PROPOSALS, TargetFinder
+from robot.vision.target_finder import HALVES_ASKED, PROPOSALS, TargetFinder
 from robot.vision.view_matching import Evidence, Picture
 from robot.vision.view_warps import View
 from robot.vision.window_detector import WindowDetector
@@ -225,22 +225,23 @@ def evidences_of(fold: Fold, rng: np.random.Generator) -> Evidences:
         # What NMF alone would propose wrongly counts too: it may be asked to look alone.
         found.against_whole += [place.evidence for place in finder.recognizer.candidates(image)]
         picture = Picture.of(image)
-        for box in _taken(finder, image):
-            found.against_whole.append(finder.recognizer.locate(picture, box).evidence)
-            half = best_half(picture, box, finder.halves())
-            found.against_half.append((half.merit, half.colour, finder.votes(image, box)))
+        for taken in _taken(finder, image):
+            found.against_whole += [finder.recognizer.locate(picture, box).evidence for box in taken]
+            for box in taken[:HALVES_ASKED]:
+                half = best_half(picture, box, finder.halves())
+                found.against_half.append((half.merit, half.colour, finder.votes(image, box)))
     return found
 
 
-def _taken(finder: TargetFinder, image: Image) -> list[Box]:
+def _taken(finder: TargetFinder, image: Image) -> tuple[list[Box], list[Box]]:
     """What windows and what ferns take for the target where it is not, most likely first of each.
 
     A judge that met only what windows propose would believe the ferns blindly: it never saw them wrong.
     """
     own = finder.ferns.classes[finder.label].extent[1]
     scales = [height / own for height in sorted(HEIGHTS_PX)]
-    voted = [one.box for one in finder.ferns.predict(image, scales, most=PROPOSALS)]
-    return [one.box for one in finder.proposals(image, HEIGHTS_PX)] + voted
+    voted = finder.ferns.predict(image, scales, most=PROPOSALS)
+    return [one.box for one in finder.proposals(image, HEIGHTS_PX)], [one.box for one in voted]
 
 
 def other_print(crop: Image, others: Sequence[Image], rng: np.random.Generator) -> Image:

@@ -20,6 +20,8 @@ TURN, STRETCH, SHIFT_PX = math.radians(6.0), 0.08, 1.5
 """Warps of a view: standard deviations of turn and of the logarithm of its size; of its place, px."""
 INSIDE = 0.5
 """A pixel of a warped view belongs to the object if so much of it does."""
+WHOLE = 255
+"""A pixel of a plane that belongs wholly."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,8 +75,9 @@ class ViewWarps:
         if min(inside.w, inside.h) < 4.0:
             raise ValueError(f"a sample's box must show at least 4 px of its image, got {box}")
         self._box, self._shrink, self._size = box, shrink, size
-        self._own = _rectangle(image.shape[:2], inside) if mask is None else mask
-        self._shown = np.ones(image.shape[:2], np.bool_) if mask is None else mask
+        own = _rectangle(image.shape[:2], inside) if mask is None else mask
+        self._own = own.astype(np.uint8) * np.uint8(WHOLE)
+        self._shown = np.full(image.shape[:2], WHOLE, np.uint8) if mask is None else self._own
         self._soft = _softened(grey_bytes(image), shrink)
 
     def straight(self) -> Warp:
@@ -95,28 +98,31 @@ class ViewWarps:
         u, v = box.x + box.w / 2 - 0.5, box.y + box.h / 2 - 0.5
         x, y = warp.middle
         to_place = np.array([[c, -s, x - c * u + s * v], [s, c, y - s * u - c * v]])
-        view, share, belongs = (
+        view, shown, belongs = (
             cv2.warpAffine(plane, to_place, self._size, flags=cv2.INTER_LINEAR, borderMode=border)
             for plane, border in (
-                (self._soft.astype(np.float32), cv2.BORDER_REPLICATE),
-                (self._shown.astype(np.float32), cv2.BORDER_CONSTANT),
-                (self._own.astype(np.float32), cv2.BORDER_CONSTANT),
+                (self._soft, cv2.BORDER_REPLICATE),
+                (self._shown, cv2.BORDER_CONSTANT),
+                (self._own, cv2.BORDER_CONSTANT),
             )
         )
         behind = background_cut(backgrounds, self._size, rng) if backgrounds else view
+        share = shown.astype(np.float32) / np.float32(WHOLE)
         mixed = np.asarray(np.rint(share * view + (1.0 - share) * behind), np.uint8)
-        return Place(mixed, (x, y), (box.w * shrink, box.h * shrink), belongs > INSIDE)
+        return Place(mixed, (x, y), (box.w * shrink, box.h * shrink), belongs > INSIDE * WHOLE)
 
 
-def background_cut(images: Sequence[Image], size: tuple[int, int], rng: np.random.Generator) -> Floats:
-    """A cut of one of the images, grey (height, width) of `size`, at a scale between whole and own."""
-    image = grey_bytes(images[int(rng.integers(len(images)))])
-    least = max(size[0] / image.shape[1], size[1] / image.shape[0])
+def background_cut(images: Sequence[Image], size: tuple[int, int], rng: np.random.Generator) -> Image:
+    """A cut of one of the images, grey uint8 (height, width) of `size`, at a scale between whole and own."""
+    image = images[int(rng.integers(len(images)))]
+    edges = image.shape[1], image.shape[0]
+    least = max(size[0] / edges[0], size[1] / edges[1])
     shrink = max(least, math.exp(rng.uniform(math.log(min(least, 1.0)), 0.0)))
-    wide = max(round(image.shape[1] * shrink), size[0]), max(round(image.shape[0] * shrink), size[1])
-    scaled = cv2.resize(image, wide, interpolation=cv2.INTER_AREA if shrink < 1.0 else cv2.INTER_LINEAR)
-    x, y = (int(rng.integers(whole - part + 1)) for whole, part in zip(wide, size, strict=True))
-    return np.asarray(scaled[y : y + size[1], x : x + size[0]], np.float32)
+    wide, tall = (min(math.ceil(part / shrink), edge) for part, edge in zip(size, edges, strict=True))
+    x, y = (int(rng.integers(edge - part + 1)) for part, edge in zip((wide, tall), edges, strict=True))
+    part = grey_bytes(image[y : y + tall, x : x + wide])
+    how = cv2.INTER_AREA if shrink < 1.0 else cv2.INTER_LINEAR
+    return np.asarray(cv2.resize(part, size, interpolation=how), np.uint8)
 
 
 def grey_bytes(image: Image) -> Image:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -27,6 +27,8 @@ Mask = NDArray[np.bool_]
 
 MARGIN_CELLS = 2
 """Cells around a training window: edges at its rim are told apart by what lies beyond."""
+AT_ONCE = 64
+"""Places whose cells are counted together."""
 HIDDEN_SHARE = 0.3, 0.55
 """Of the object that is hidden where a side is."""
 DARK_SHARE, DARKEST = 0.4, 0.2
@@ -105,7 +107,9 @@ def trained(
             np.arange(len(shown) + len(without)) < len(shown),
             np.concatenate([boxes, np.zeros((len(without), 4), np.float32)]),
         )
-        net = learnt(lessons, plan.course, rng)
+        # Nets that only look for hard negatives need not be the best there are.
+        course = replace(plan.course, epochs=plan.course.epochs // 2) if left else plan.course
+        net = learnt(lessons, course, rng)
         if left:
             others += [_hard(net, pyramid, shape) for pyramid in pyramids]
     return net
@@ -119,12 +123,12 @@ def _shown(
     rng: np.random.Generator,
 ) -> tuple[Floats, Floats]:
     """Windows (n, d) that show the object, and its boxes (n, 4) in them."""
-    windows, boxes = [], []
+    met, boxes = [], []
     for warps in _warps(views, shape, plan.places):
         place = warps.place(warps.drawn(rng), negatives, rng)
-        windows.append(_window(_met(place, negatives, plan.hidden, rng), shape))
+        met.append(_met(place, negatives, plan.hidden, rng))
         boxes.append(_box_in(place, shape))
-    return np.stack(windows), np.array(boxes, np.float32)
+    return _windows(met, shape), np.array(boxes, np.float32)
 
 
 def _beside(
@@ -135,7 +139,7 @@ def _beside(
     rng: np.random.Generator,
 ) -> Floats:
     """Windows (n, d) that show a part of the object and its surroundings, or it as a part of them."""
-    windows = []
+    met = []
     for warps in _warps(views, shape, count):
         straight = warps.straight()
         away, off = rng.uniform(0.0, 2.0 * math.pi), rng.uniform(*BESIDE)
@@ -143,8 +147,8 @@ def _beside(
         y = straight.middle[1] + off * math.sin(away) * shape.extent[1]
         grow = math.exp(rng.uniform(-BESIDE_SIZE, BESIDE_SIZE))
         place = warps.place(Warp(0.0, grow, (x, y)), negatives, rng)
-        windows.append(_window(_met(place, negatives, 0.0, rng), shape))
-    return np.stack(windows)
+        met.append(_met(place, negatives, 0.0, rng))
+    return _windows(met, shape)
 
 
 def _warps(views: Sequence[View], shape: WindowShape, count: int) -> Iterator[ViewWarps]:
@@ -173,7 +177,7 @@ def _side(mask: Mask, rng: np.random.Generator) -> Mask:
     lying = np.nonzero(mask)[side // 2]
     if not lying.size:
         return found
-    edge = int(np.quantile(lying, share if side % 2 else 1.0 - share))
+    edge = int(np.sort(lying)[int((share if side % 2 else 1.0 - share) * (len(lying) - 1))])
     beyond = found if side // 2 == 0 else found.T
     if side % 2:
         beyond[:edge] = True
@@ -189,10 +193,17 @@ def darkened(image: Image, rng: np.random.Generator) -> Image:
     return np.clip(np.rint(light + noise * rng.normal(0.0, 1.0, light.shape)), 0, 255).astype(np.uint8)
 
 
-def _window(image: Image, shape: WindowShape) -> Floats:
-    """The window in the middle of a place, (d,)."""
-    cells = edge_cells(image)[MARGIN_CELLS:-MARGIN_CELLS, MARGIN_CELLS:-MARGIN_CELLS]
-    return cells[: shape.rows, : shape.columns].ravel()
+def _windows(places: Sequence[Image], shape: WindowShape) -> Floats:
+    """The windows in the middle of places, (n, d)."""
+    windows = []
+    for start in range(0, len(places), AT_ONCE):
+        column = np.concatenate(places[start : start + AT_ONCE])
+        cells = edge_cells(column)
+        # Places above and below change no more than cells of the margin.
+        each = cells.reshape(-1, shape.rows + 2 * MARGIN_CELLS, *cells.shape[1:])
+        inner = each[:, MARGIN_CELLS:-MARGIN_CELLS, MARGIN_CELLS:-MARGIN_CELLS]
+        windows.append(inner.reshape(len(inner), -1))
+    return np.concatenate(windows)
 
 
 def _box_in(place: Place, shape: WindowShape) -> tuple[float, float, float, float]:

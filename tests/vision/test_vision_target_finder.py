@@ -14,7 +14,7 @@ from robot.vision.view_warps import View
 from robot.vision.window_training import TrainingPlan
 
 SPOILT = r"do not fit|does not fit|impossible|more offsets|channel|not enough values|at least"
-SHORT = TrainingPlan(30.0, places=2400, drawn=9)
+SHORT = TrainingPlan(30.0, places=1500, drawn=6)
 WIDE = Box(120, 70, 75, 100)
 
 

@@ -27,7 +27,7 @@ def held(k: int) -> Pair:
 
 @pytest.fixture(scope="module")
 def pairs() -> list[Pair]:
-    return [held(k) for k in range(14)]
+    return [held(k) for k in range(10)]
 
 
 class Eyes:
@@ -103,7 +103,7 @@ def test_a_target_is_taught_before_the_robots_own_cameras(
         '[cameras]\ndriver = "folder"\nleft = "left"\nright = "right"\nrate_hz = 2.0\n'
     )
     done = CliRunner().invoke(
-        commands, ["teach", "--from", "cameras", "--config", "robot.toml", "--name", "tin", "--seconds", "8"]
+        commands, ["teach", "--from", "cameras", "--config", "robot.toml", "--name", "tin", "--seconds", "6"]
     )
     assert done.exit_code == 0, done.output
     model = load("models/tin.model")
