@@ -64,7 +64,10 @@ def start(tmp_path: Path, box: Model) -> Callable[..., SimRun]:
     return begin
 
 
-@pytest.mark.parametrize(("kind", "begin", "lasts"), [("lifted", 3.6, 0.9), ("pushed", 1.6, None)])
+@pytest.mark.parametrize(
+    ("kind", "begin", "lasts"),
+    [("lifted", 3.6, 0.9), pytest.param("pushed", 1.6, None, marks=pytest.mark.slow)],
+)
 def test_a_base_that_hands_move_is_told_in_time_stops_and_begins_its_map_anew(
     start: Callable[..., SimRun], kind: str, begin: float, lasts: float | None
 ) -> None:
@@ -82,7 +85,13 @@ def test_a_base_that_hands_move_is_told_in_time_stops_and_begins_its_map_anew(
     assert seen.deviation < 4.0, "as long as nobody touches it, searching, panning and driving are consistent"
 
 
-@pytest.mark.parametrize("kind", ["lifted_slowly", "tipped_slowly", "pushed_slowly"])
+@pytest.mark.parametrize(
+    "kind",
+    [
+        "lifted_slowly",
+        *(pytest.param(f"{way}_slowly", marks=pytest.mark.slow) for way in ("tipped", "pushed")),
+    ],
+)
 def test_slow_hands_on_a_base_that_stands_are_noticed_within_a_second(
     start: Callable[..., SimRun], kind: str
 ) -> None:

@@ -73,7 +73,10 @@ def test_bad_eyes_under_way_stop_the_robot_and_end_the_claim(
     assert outcome.report["false_detections"] == 0
 
 
-@pytest.mark.parametrize(("design", "heading"), [(1, 0.0), (2, 90.0), (3, 200.0)])
+@pytest.mark.parametrize(
+    ("design", "heading"),
+    [(1, 0.0), pytest.param(2, 90.0, marks=pytest.mark.slow), pytest.param(3, 200.0, marks=pytest.mark.slow)],
+)
 def test_a_look_alike_in_the_targets_place_is_never_found(
     design: int, heading: float, tmp_path: Path, box: Model
 ) -> None:
