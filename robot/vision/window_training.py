@@ -33,8 +33,8 @@ HIDDEN_SHARE = 0.3, 0.55
 """Of the object that is hidden where a side is."""
 DARK_SHARE, DARKEST = 0.4, 0.2
 """So many places are dark; of the full light that is left at least."""
-ELECTRONS_PER_GREY, READ_GREY = 8.0, 1.2
-"""Noise of a cheap camera that sees little; pictures made smaller have less of it, down to a quarter."""
+ELECTRONS_PER_GREY, READ_GREY = (3.0, 60.0), (0.0, 1.5)
+"""Noise of a camera that sees little, from the cheapest one as it is to a good one made smaller."""
 BESIDE = 0.4, 0.8
 """Of the window: so far off windows beside the object lie."""
 BESIDE_SIZE = 0.6
@@ -189,7 +189,8 @@ def _side(mask: Mask, rng: np.random.Generator) -> Mask:
 def darkened(image: Image, rng: np.random.Generator) -> Image:
     """A grey uint8 picture in a part of its light, with the noise of a camera that sees little."""
     light = rng.uniform(DARKEST, 1.0) * image.astype(np.float64)
-    noise = rng.uniform(0.25, 1.0) * np.sqrt(light / ELECTRONS_PER_GREY + READ_GREY**2)
+    electrons = math.exp(rng.uniform(*np.log(ELECTRONS_PER_GREY)))
+    noise = np.sqrt(light / electrons + rng.uniform(*READ_GREY) ** 2)
     return np.clip(np.rint(light + noise * rng.normal(0.0, 1.0, light.shape)), 0, 255).astype(np.uint8)
 
 

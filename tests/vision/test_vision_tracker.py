@@ -183,6 +183,24 @@ def test_a_target_half_covered_for_30_frames_is_still_the_target_afterwards() ->
             assert track.box.iou(box(u, 140, 60)) > 0.65
 
 
+@pytest.mark.parametrize("side", ["left", "right", "top", "bottom"])
+def test_lost_behind_a_cover_it_is_found_again_beside_its_place_while_still_half_covered(side: str) -> None:
+    other = texture((352, 288), np.random.default_rng(9))
+    half = {"left": np.s_[110:170, 147:170], "right": np.s_[110:170, 170:194],
+            "top": np.s_[110:140, 147:194], "bottom": np.s_[140:170, 147:194]}[side]  # fmt: skip
+    tracker = OnlineTracker()
+    tracker.start(frame(170, 140, 60), box(170, 140, 60))
+    for k in range(25):
+        tracker.update(frame(170, 140, 60, noise_seed=k))
+    for _ in range(5):
+        assert tracker.update(other).lost
+    picture = frame(170, 140, 60, noise_seed=25)
+    picture[half] = other[half]
+    track = tracker.update(picture)
+    assert not track.lost
+    assert track.box.iou(box(170, 140, 60)) > 0.65
+
+
 def test_out_of_view_for_100_frames_it_locks_onto_nothing_and_comes_back_elsewhere() -> None:
     tracker = OnlineTracker()
     tracker.start(frame(100, 140, 60), box(100, 140, 60))
